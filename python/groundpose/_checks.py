@@ -1,0 +1,131 @@
+"""Checks of the caller's arguments. The text of every error is built here and nowhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._core import InputError
+
+FloatArray = NDArray[np.float64]
+
+
+def input_error(argument: str, expected: str, got: object) -> InputError:
+    """The error for a value that an argument does not take."""
+    return InputError(f"{argument}: expected {expected}, got {got}")
+
+
+def type_error(argument: str, expected: str, value: object) -> TypeError:
+    """The error for a value of a type that an argument does not take."""
+    return TypeError(f"{argument}: expected {expected}, got {describe(value)}")
+
+
+def describe(value: object) -> str:
+    """A value in a few words: small ones as they are, arrays by shape and dtype, lists by length."""
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape} and dtype {value.dtype}"
+    if isinstance(value, (list, tuple)) and len(value) > 6:
+        return f"a {type(value).__name__} of length {len(value)}"
+    text = repr(value)
+    return f"{type(value).__name__} {text if len(text) <= 60 else text[:57] + '...'}"
+
+
+def number(argument: str, value: object) -> float:
+    """A real number (Python's or numpy's, not a bool) as a float."""
+    if isinstance(value, float):
+        return value
+    if isinstance(value, (int, np.integer, np.floating)) and not isinstance(value, bool):
+        return float(value)
+    raise type_error(argument, "a number", value)
+
+
+def integer(argument: str, value: object) -> int:
+    """A whole number (Python's or numpy's, not a bool) as an int."""
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        return int(value)
+    raise type_error(argument, "a whole number", value)
+
+
+def count(argument: str, value: object) -> int:
+    """A whole number from 0 that fits the core's integers."""
+    n = integer(argument, value)
+    if not 0 <= n < 2**63:
+        raise input_error(argument, "a whole number from 0 to 2**63 - 1", n)
+    return n
+
+
+def flag(argument: str, value: object) -> bool:
+    """True or False (Python's or numpy's)."""
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    raise type_error(argument, "True or False", value)
+
+
+def text(argument: str, value: object) -> str:
+    """A str."""
+    if isinstance(value, str):
+        return value
+    raise type_error(argument, "a str", value)
+
+
+def float_array(argument: str, value: Any, expected: str) -> FloatArray:
+    """An array, masked array or nested list of numbers as float64 in C order.
+
+    `None` inside a list and masked entries become NaN. No copy when nothing has to change.
+    """
+    if type(value) is not np.ndarray:
+        value = _as_array(argument, value, expected)
+    if value.dtype.kind not in "fiu":
+        raise type_error(argument, expected, value)
+    return np.asarray(value, dtype=np.float64, order="C")
+
+
+def _as_array(argument: str, value: Any, expected: str) -> NDArray[Any]:
+    if isinstance(value, np.ma.MaskedArray):
+        return np.ma.filled(value.astype(np.float64), np.nan)
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        raise input_error(argument, expected, f"{describe(value)} with rows of different lengths") from None
+    if array.dtype.kind == "O" and isinstance(value, (list, tuple)):
+        flat = array.ravel().tolist()
+        if all(x is None or (isinstance(x, (int, float)) and not isinstance(x, bool)) for x in flat):
+            return array.astype(np.float64)
+    if array.size == 0 and isinstance(value, (list, tuple)):
+        return array.astype(np.float64)
+    if array.dtype.kind not in "fiu":
+        raise type_error(argument, expected, value)
+    return array
+
+
+def shaped(argument: str, value: Any, *shapes: tuple[int | str, ...]) -> FloatArray:
+    """`float_array` of one of `shapes`; a letter in a shape stands for any length."""
+    expected = " or ".join(shape_text(shape) for shape in shapes)
+    array = float_array(argument, value, f"numbers of shape {expected}")
+    if not any(_fits(array.shape, shape) for shape in shapes):
+        raise input_error(argument, f"shape {expected}", f"shape {shape_text(array.shape)}")
+    return array
+
+
+def _fits(actual: tuple[int, ...], wanted: tuple[int | str, ...]) -> bool:
+    return len(actual) == len(wanted) and all(
+        isinstance(w, str) or a == w for a, w in zip(actual, wanted, strict=True)
+    )
+
+
+def shape_text(shape: Sequence[int | str]) -> str:
+    """A shape as Python writes it: (4,), (N, 2)."""
+    inside = ", ".join(str(n) for n in shape)
+    return f"({inside},)" if len(shape) == 1 else f"({inside})"
+
+
+def finite(argument: str, array: FloatArray) -> FloatArray:
+    """The array, refused when it holds NaN or infinity."""
+    bad = ~np.isfinite(array)
+    if bad.any():
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise input_error(argument, "finite numbers", f"{array[index]} at {list(index)}")
+    return array

@@ -1,0 +1,135 @@
+"""The compiled core. Private: `groundpose` is the public face."""
+
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "SOLVERS",
+    "STATUS",
+    "STOP_REASONS",
+    "Camera",
+    "InputError",
+    "Model",
+    "Options",
+    "View",
+    "build_info",
+    "default_options",
+    "estimate_batch",
+    "solve_p1p",
+    "solve_p1p_height",
+    "solve_p3p",
+    "solve_up2p",
+    "synthetic_scenes",
+]
+
+_Floats = NDArray[np.float64]
+
+STATUS: list[str]
+STOP_REASONS: list[str]
+SOLVERS: list[str]
+
+class InputError(ValueError): ...
+
+@final
+class Camera:
+    def __new__(
+        cls,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        distortion: tuple[float, float, float, float, float] | None = None,
+        image_size: tuple[float, float] | None = None,
+    ) -> Camera: ...
+    @property
+    def fx(self) -> float: ...
+    @property
+    def fy(self) -> float: ...
+    @property
+    def cx(self) -> float: ...
+    @property
+    def cy(self) -> float: ...
+    @property
+    def distortion(self) -> list[float] | None: ...
+    @property
+    def image_size(self) -> list[float] | None: ...
+    def undistort(self, pixels: _Floats) -> _Floats: ...
+
+@final
+class View:
+    def __new__(
+        cls, camera: Camera, pitch: float = 0.0, roll: float = 0.0, height: float | None = None
+    ) -> View: ...
+    @staticmethod
+    def from_gravity(camera: Camera, gravity: _Floats, height: float | None = None) -> View: ...
+    @property
+    def camera(self) -> Camera: ...
+    @property
+    def pitch(self) -> float: ...
+    @property
+    def roll(self) -> float: ...
+    @property
+    def height(self) -> float | None: ...
+    @property
+    def R_camera_from_ground(self) -> _Floats: ...
+    def horizon(self) -> tuple[float, float, float]: ...
+    def side_planes(self, left: float, right: float) -> _Floats: ...
+    def project(self, points: _Floats) -> _Floats: ...
+
+@final
+class Model:
+    def __new__(
+        cls,
+        keypoints_3d: _Floats,
+        bbox_3d: _Floats,
+        basis: _Floats | None = None,
+        eigenvalues: _Floats | None = None,
+        footprint: _Floats | None = None,
+    ) -> Model: ...
+    @property
+    def footprint(self) -> _Floats: ...
+
+@final
+class Options:
+    def __new__(cls, **fields: Any) -> Options: ...
+
+def default_options() -> dict[str, Any]: ...
+def estimate_batch(
+    view: View,
+    keypoints_2d: _Floats,
+    keypoint_scores: _Floats | None,
+    bboxes: _Floats | None,
+    models: list[Model],
+    inlier_thresholds: _Floats | None,
+    options: Options,
+    threads: int,
+) -> dict[str, NDArray[Any]]: ...
+def solve_p1p(
+    view: View,
+    model: Model,
+    keypoint_index: int,
+    keypoint_2d: _Floats,
+    bbox: _Floats,
+    cases: str = "all",
+) -> tuple[_Floats, _Floats]: ...
+def solve_up2p(view: View, points_3d: _Floats, pixels: _Floats) -> tuple[_Floats, _Floats]: ...
+def solve_p3p(camera: Camera, points_3d: _Floats, pixels: _Floats) -> tuple[_Floats, _Floats]: ...
+def solve_p1p_height(
+    view: View, model: Model, keypoint_index: int, keypoint_2d: _Floats, bbox: _Floats
+) -> tuple[_Floats, _Floats]: ...
+def synthetic_scenes(
+    kind: str,
+    trials: int,
+    seed: int = 0,
+    first_trial: int = 0,
+    n_points: int = 300,
+    outlier_ratio: float = 0.5,
+    outliers: str = "image",
+    noise_sigma: float = 2.0,
+    pitch_error_deg: float = 0.0,
+    bbox_error: float = 0.0,
+    bbox_error_kind: str = "outward",
+) -> dict[str, Any]: ...
+def build_info() -> dict[str, Any]: ...

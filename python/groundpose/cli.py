@@ -1,0 +1,96 @@
+"""The command line: `groundpose estimate | demo | bench`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import groundpose
+from groundpose.cli_estimate import estimate
+from groundpose.cli_output import console, mistakes
+
+app = typer.Typer(
+    name="groundpose",
+    help="From one calibrated image, the 6-DoF pose and shape of every vehicle on the ground.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command(rich_help_panel="Commands")(estimate)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"groundpose {groundpose.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """From one calibrated image, the 6-DoF pose and shape of every vehicle on the ground."""
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Picture to write (.png, .svg, .pdf).")] = Path(
+        "groundpose_demo.png"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and the outliers.")] = 0,
+) -> None:
+    """Estimate a bundled street with known poses; print estimate and truth, write a picture.
+
+    [bold]Examples[/bold]
+
+      groundpose demo
+
+      groundpose demo --seed 3 --out /tmp/street.png
+    """
+    from groundpose import demo as street
+    from groundpose.draw import check_path
+
+    with mistakes():
+        check_path(out)
+        result = street.run(seed)
+        console().print(result.table())
+        result.write_picture(out)
+    typer.echo(f"Picture: {out.resolve()}")
+
+
+@app.command()
+def bench(
+    objects: Annotated[int, typer.Option(min=1, help="Objects in one call of the speed test.")] = 1000,
+    trials: Annotated[int, typer.Option(min=1, help="Scenes a method is given for errors and time.")] = 200,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of our batch call.")] = 1,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Write the numbers as JSON.")] = None,
+) -> None:
+    """Our time and errors beside the pose libraries that are installed (PoseLib, OpenCV, pycolmap).
+
+    [bold]Examples[/bold]
+
+      groundpose bench
+
+      groundpose bench --trials 1000 --threads 2 -o bench.json
+    """
+    from groundpose.evaluate.bench import run
+
+    with mistakes():
+        table, _ = run(objects=objects, trials=trials, threads=threads, output=out)
+    console().print(table)
+    if out is not None:
+        typer.echo(f"Numbers: {out.resolve()}")
+
+
+def main() -> None:
+    """The `groundpose` command."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,198 @@
+"""`estimate_poses`: from keypoints, boxes and models of one image to poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from groundpose import _core
+from groundpose._checks import (
+    FloatArray,
+    describe,
+    float_array,
+    input_error,
+    integer,
+    shape_text,
+    shaped,
+    type_error,
+)
+from groundpose.poses import PoseBatch
+from groundpose.shape import ShapeModel
+from groundpose.types import Options, View
+
+_STATUS = np.array(_core.STATUS)
+_STOP_REASONS = np.array(_core.STOP_REASONS)
+_SOLVERS = np.array(_core.SOLVERS)
+
+# The result's fields that are arrays of the core as they are.
+_NUMBERS = tuple(
+    name
+    for name in PoseBatch.__dataclass_fields__
+    if name not in ("view", "keypoints_2d", "bboxes", "models", "ok", "status", "stop_reason", "solver")
+)
+
+_DEFAULT_OPTIONS = Options()
+_NOT_SEEN = (np.nan, np.nan)
+
+
+def estimate_poses(
+    view: View,
+    keypoints_2d: object,
+    bboxes: object,
+    models: ShapeModel | Sequence[ShapeModel],
+    keypoint_scores: object = None,
+    options: Options = _DEFAULT_OPTIONS,
+    threads: int | None = None,
+) -> PoseBatch:
+    """The pose (and shape) of every object of one image.
+
+    Args:
+        view: camera and its tilt against the ground.
+        keypoints_2d: pixels, (N, P, 2) of any float dtype, stride and order, NaN = not seen; or a
+            sequence of N arrays or lists (P_i, 2), in which None stands for a point not seen.
+        bboxes: (N, 4) `left, top, right, bottom` pixels; in a list None for an object without box;
+            NaN (None) for one unknown side; None: no boxes at all.
+        models: one model for all objects or N models. With models of different numbers of keypoints
+            an array `keypoints_2d` is as wide as the largest and NaN beyond an object's own.
+        keypoint_scores: (N, P), or N sequences (P_i,), weights of a detector, at least 0; 0 or
+            NaN: not seen. None: all weigh the same.
+        options: see `Options`.
+        threads: 1 or more; None: all cores. The result is the same bit for bit.
+
+    Returns:
+        N answers, in order. An object without an answer, because of its data or because it has
+        none, has a `status` and NaN; nothing is raised for one object.
+
+    Raises:
+        InputError: an argument of the wrong shape or length. TypeError: of the wrong type.
+
+    Method: one-point RANSAC and robust refinement with the tilt as a prior (Lee et al., CVPR
+    Workshops 2021, sec. 3, and beyond).
+    """
+    if not isinstance(view, View):
+        raise type_error("view", "a View", view)
+    if not isinstance(options, Options):
+        raise type_error("options", "Options", options)
+    keypoints, lengths = _keypoints(keypoints_2d, models)
+    count, width = keypoints.shape[:2]
+    each = _models(models, count)
+    _check_widths(keypoints, lengths, each)
+    scores = None if keypoint_scores is None else _scores(keypoint_scores, count, width, lengths)
+    boxes = _bboxes(bboxes, count)
+    thresholds = options._thresholds
+    if thresholds is not None and len(thresholds) != count:
+        raise input_error("options.inlier_threshold", f"{count} numbers, one per object", len(thresholds))
+    handles = [each[0]._handle] if isinstance(models, ShapeModel) and count else [m._handle for m in each]
+    out = _core.estimate_batch(
+        view._handle, keypoints, scores, boxes, handles, thresholds, options._handle, _threads(threads)
+    )
+    return PoseBatch(
+        view=view,
+        keypoints_2d=keypoints,
+        bboxes=boxes,
+        models=each,
+        ok=out["status"] == 0,
+        status=_STATUS[out["status"]],
+        stop_reason=_STOP_REASONS[out["stop_reason"]],
+        solver=_SOLVERS[out["solver"]],
+        **{name: out[name] for name in _NUMBERS},
+    )
+
+
+def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:
+    """`keypoints_2d` as (N, P, 2), and the objects' own lengths if they came as a list."""
+    if not isinstance(value, (list, tuple)):
+        return shaped("keypoints_2d", value, ("N", "P", 2)), None
+    if len(value) == 0:
+        width = len(models.keypoints_3d) if isinstance(models, ShapeModel) else 0
+        return np.empty((0, width, 2)), None
+    rows = [_points(f"keypoints_2d[{i}]", points) for i, points in enumerate(value)]
+    lengths = [len(row) for row in rows]
+    return _pad(rows, lengths, max(lengths), np.nan), lengths
+
+
+def _points(name: str, points: Any) -> FloatArray:
+    """One object's keypoints (P, 2); None in a list is a point not seen."""
+    if isinstance(points, (list, tuple)):
+        points = [_NOT_SEEN if point is None else point for point in points]
+        if not points:
+            return np.empty((0, 2))
+    return shaped(name, points, ("P", 2))
+
+
+def _pad(rows: list[FloatArray], lengths: list[int], width: int, fill: float) -> FloatArray:
+    """Rows of different lengths in one array (N, width, ...), `fill` beyond each row's end."""
+    padded = np.full((len(rows), width, *rows[0].shape[1:]), fill)
+    padded[np.arange(width) < np.array(lengths)[:, None]] = np.concatenate(rows)
+    return padded
+
+
+def _models(models: Any, count: int) -> tuple[ShapeModel, ...]:
+    if isinstance(models, ShapeModel):
+        return (models,) * count
+    if not isinstance(models, Sequence):
+        raise type_error("models", "a ShapeModel or a sequence of them", models)
+    each = tuple(models)
+    for i, model in enumerate(each if set(map(type, each)) - {ShapeModel} else ()):
+        if not isinstance(model, ShapeModel):
+            raise type_error(f"models[{i}]", "a ShapeModel", model)
+    if len(each) != count:
+        raise input_error("models", f"1 or {count} models, one per object of keypoints_2d", len(each))
+    return each
+
+
+def _check_widths(keypoints: FloatArray, lengths: list[int] | None, models: tuple[ShapeModel, ...]) -> None:
+    """Every object has as many keypoints as its model; beyond them an array is NaN."""
+    width = keypoints.shape[1]
+    if lengths is None:
+        wanted = max((len(model.keypoints_3d) for model in set(models)), default=width)
+        if width != wanted:
+            raise input_error("keypoints_2d", f"{wanted} keypoints as in the model", width)
+        if len({len(model.keypoints_3d) for model in set(models)}) < 2:
+            return
+    counts = np.array([len(model.keypoints_3d) for model in models])
+    if lengths is not None:
+        for i in np.flatnonzero(counts != lengths):
+            raise input_error(f"keypoints_2d[{i}]", f"{counts[i]} keypoints as in the model", lengths[i])
+    extra = (np.arange(width) >= counts[:, None]) & ~np.isnan(keypoints).all(axis=2)
+    for i, k in np.argwhere(extra):
+        expected = f"NaN beyond the {counts[i]} keypoints of the model"
+        raise input_error(f"keypoints_2d[{i}, {k}]", expected, keypoints[i, k].tolist())
+
+
+def _scores(value: Any, count: int, width: int, lengths: list[int] | None) -> FloatArray:
+    if not isinstance(value, (list, tuple)):
+        return shaped("keypoint_scores", value, (count, width))
+    if len(value) != count:
+        raise input_error("keypoint_scores", f"{count} rows, one per object", len(value))
+    wanted = [width] * count if lengths is None else lengths
+    rows = [
+        shaped(f"keypoint_scores[{i}]", row, (n,))
+        for i, (row, n) in enumerate(zip(value, wanted, strict=True))
+    ]
+    return _pad(rows, wanted, width, 0.0) if count else np.empty((0, width))
+
+
+def _bboxes(value: Any, count: int) -> FloatArray:
+    if value is None:
+        return np.full((count, 4), np.nan)
+    if isinstance(value, (list, tuple)):
+        value = [(np.nan,) * 4 if box is None else box for box in value]
+        if not value:
+            value = np.empty((0, 4))
+    boxes = float_array("bboxes", value, f"numbers of shape ({count}, 4)")
+    if boxes.shape != (count, 4):
+        raise input_error(
+            "bboxes", f"shape ({count}, 4), one box per object", f"shape {shape_text(boxes.shape)}"
+        )
+    return boxes
+
+
+def _threads(threads: int | None) -> int:
+    if threads is None:
+        return 0
+    if integer("threads", threads) < 1:
+        raise input_error("threads", "1 or more, or None for all cores", describe(threads))
+    return int(threads)

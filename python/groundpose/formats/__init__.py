@@ -1,0 +1,1 @@
+"""File formats: JSON frames and lines, KITTI's result text."""

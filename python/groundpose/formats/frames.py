@@ -1,0 +1,298 @@
+"""Frames as JSON: what `groundpose estimate` reads and writes.
+
+A frame is one object, in a file of its own or on one line of a JSON-lines file::
+
+    {
+      "id": "000123",                        # string or number; default: the line
+      "camera": {"fx": 1000, "fy": 1000, "cx": 640, "cy": 360,
+                 "distortion": [k1, k2, p1, p2, k3],          # optional
+                 "image_size": [1280, 720]},                  # optional
+      "pitch_deg": 0.6, "roll_deg": 0,       # optional, default 0; or
+      "gravity": [0.0, 1.0, 0.01],           # downwards, camera frame, instead of the two
+      "camera_height": 1.5,                  # optional, metres
+      "image": "000123.png",                 # optional, used by --draw
+      "models": {"car": {"keypoints_3d": [[x, y, z], ...],
+                         "bbox_3d": [[x, y, z], [x, y, z]],   # the rest is optional
+                         "basis": [[[x, y, z], ...], ...], "eigenvalues": [...],
+                         "footprint": [[x, z], ...]},
+                 "van": "van.npz"},          # or a file of ShapeModel.save
+      "objects": [{"id": 7,                  # optional, default: its number from 0
+                   "model": "car",           # optional when there is one model
+                   "keypoints_2d": [[u, v], null, ...],       # null = not seen
+                   "keypoint_scores": [0.9, 0.0, ...],        # optional
+                   "bbox": [left, top, right, null],          # optional, null = not known
+                   "truth": {"R": [[...], [...], [...]], "t": [x, y, z]}}]   # optional
+    }
+
+Metres and pixels; object x right, y down, z forward. In JSON lines a model is known to all later
+lines. Paths are relative to the file. Members that begin with `_` are notes; other unknown members
+are errors. `pose_record` says what is written.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from groundpose._checks import FloatArray, input_error
+from groundpose._core import InputError
+from groundpose.estimate import estimate_poses
+from groundpose.formats.fields import Field, parse
+from groundpose.poses import PoseBatch
+from groundpose.shape import ShapeModel
+from groundpose.types import Camera, Options, View
+
+_CAMERA = ("fx", "fy", "cx", "cy", "distortion", "image_size")
+_MODEL = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues", "footprint")
+_OBJECT = ("id", "model", "keypoints_2d", "keypoint_scores", "bbox", "truth")
+_TILT = ("pitch_deg", "roll_deg", "gravity", "camera_height")
+_FRAME = ("id", "camera", *_TILT, "image", "models", "objects")
+
+
+@dataclass(frozen=True)
+class FrameObject:
+    """One object of a frame; arrays as in `estimate_poses`, `truth` = `(R, t)`."""
+
+    id: str | int
+    model: str
+    keypoints_2d: FloatArray
+    keypoint_scores: list[float] | None
+    bbox: list[float] | None
+    truth: tuple[FloatArray, FloatArray] | None
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame: where it came from, the view, its objects and their models."""
+
+    id: str | int
+    place: str
+    view: View
+    image: Path | None
+    objects: tuple[FrameObject, ...]
+    models: tuple[ShapeModel, ...]
+
+    def estimate(self, options: Options, threads: int | None = None) -> PoseBatch:
+        """`estimate_poses` of the frame's objects."""
+        objects, scores = self.objects, None
+        if any(o.keypoint_scores is not None for o in objects):
+            scores = [o.keypoint_scores or np.ones(len(o.keypoints_2d)) for o in objects]
+        keypoints, bboxes = [o.keypoints_2d for o in objects], [o.bbox for o in objects]
+        return estimate_poses(self.view, keypoints, bboxes, self.models, scores, options, threads)
+
+    @property
+    def truth(self) -> tuple[FloatArray, FloatArray] | None:
+        """`(R, t)`, (N, 3, 3) and (N, 3), NaN for objects without; None when no object has one."""
+        if all(o.truth is None for o in self.objects):
+            return None
+        none = (np.full((3, 3), np.nan), np.full(3, np.nan))
+        pairs = [o.truth or none for o in self.objects]
+        return np.stack([R for R, _ in pairs]), np.stack([t for _, t in pairs])
+
+
+@dataclass
+class FrameSource:
+    """Frames of a file or a stream; iterating gives a Frame or, for a bad line, its InputError.
+
+    A text whose first line is a whole object is JSON lines, any other is one frame.
+    """
+
+    stream: IO[bytes]
+    name: str
+    folder: Path
+
+    def __post_init__(self) -> None:
+        """Look at the first line. Raises InputError for an empty text."""
+        self._numbered = self._lines()
+        first = next(self._numbered, None)
+        if first is None:
+            raise input_error(self.name, "a frame", "an empty file")
+        self._head = [first]
+        self.lines = first[1].startswith("{") and first[1].endswith("}")
+        # A pipe may have its second line much later, and the first is due now.
+        if self.lines and self.stream.seekable():
+            self._head += [line for line in [next(self._numbered, None)] if line]
+        #: Whether there may be more than one frame.
+        self.several = self.lines and (len(self._head) > 1 or not self.stream.seekable())
+
+    def __iter__(self) -> Iterator[Frame | InputError]:
+        """Frames in order; a bad line gives its error and the next line goes on."""
+        models: dict[str, ShapeModel] = {}
+        for number, text in self._texts():
+            place = f"{self.name}:{number}" if self.lines else self.name
+            try:
+                yield read_frame(parse(text, place), self.folder, models, default_id=number - 1)
+            except InputError as error:
+                yield error
+
+    def _texts(self) -> Iterator[tuple[int, str]]:
+        if self.lines:
+            yield from self._head
+            yield from self._numbered
+        else:
+            rest = self.stream.read()
+            number, text = self._head[0]
+            yield 1, "\n" * (number - 1) + text + "\n" + self._decode(rest, number + 1)
+
+    def _lines(self) -> Iterator[tuple[int, str]]:
+        """The lines that are not blank, numbered from 1."""
+        for number, raw in enumerate(iter(self.stream.readline, b""), 1):
+            text = self._decode(raw, number).removeprefix("\ufeff").strip()
+            if text:
+                yield number, text
+
+    def _decode(self, raw: bytes, number: int) -> str:
+        # Surrogates stand for bytes that are not UTF-8; json then reports the line like any other.
+        return raw.decode("utf-8", errors="surrogateescape")
+
+
+def read_frame(
+    root: Field, folder: Path, models: dict[str, ShapeModel] | None = None, default_id: str | int = 0
+) -> Frame:
+    """A frame from its JSON; `models` are those known already, and takes those of this frame.
+
+    Raises InputError naming the place and the field.
+    """
+    root.members(_FRAME)
+    models = {} if models is None else models
+    if field := root.get("models"):
+        models.update({name: _model(entry, folder) for name, entry in field.entries()})
+    view = _view(root)
+    items = root.need("objects").items()
+    objects = tuple(_object(item, i, models) for i, item in enumerate(items))
+    image, name = root.get("image"), root.get("id")
+    return Frame(
+        id=name.label() if name else default_id,
+        place=root.place,
+        view=view,
+        image=folder / image.text() if image else None,
+        objects=objects,
+        models=tuple(models[o.model] for o in objects),
+    )
+
+
+def _view(root: Field) -> View:
+    camera = _camera(root.need("camera"))
+    gravity, height = root.get("gravity"), root.get("camera_height")
+    angles = [angle for name in ("pitch_deg", "roll_deg") if (angle := root.get(name))]
+    metres = height.number() if height else None
+    if gravity:
+        for angle in angles:
+            angle.fail("gravity or angles", "both")
+        down = gravity.numbers(3)
+        with gravity.blamed():
+            return View.from_gravity(camera, down, metres)
+    radians = {angle.path: math.radians(angle.number()) for angle in angles}
+    with root.blamed():
+        return View(camera, radians.get("pitch_deg", 0.0), radians.get("roll_deg", 0.0), metres)
+
+
+def _camera(field: Field) -> Camera:
+    field.members(_CAMERA)
+    fx, fy, cx, cy = (field.need(name).number() for name in ("fx", "fy", "cx", "cy"))
+    coefficients, size = field.get("distortion"), field.get("image_size")
+    k1, k2, p1, p2, k3 = coefficients.numbers(5) if coefficients else (0.0,) * 5
+    width, height = size.numbers(2) if size else (None, None)
+    with field.blamed():
+        return Camera(
+            *(fx, fy, cx, cy),
+            distortion=(k1, k2, p1, p2, k3) if coefficients else None,
+            image_size=(int(width), int(height)) if width is not None and height is not None else None,
+        )
+
+
+def _model(field: Field, folder: Path) -> ShapeModel:
+    if isinstance(field.value, str):
+        try:
+            return ShapeModel.load(folder / field.value)
+        except OSError as error:
+            field.fail("a file written by ShapeModel.save", f"{field.value}: {error.strerror}")
+    field.members(_MODEL)
+    keypoints, box, footprint = field.need("keypoints_3d"), field.get("bbox_3d"), field.get("footprint")
+    basis, eigenvalues = field.get("basis"), field.get("eigenvalues")
+    variances = [item.number() for item in eigenvalues.items()] if eigenvalues else None
+    arrays: dict[str, Any] = {
+        "keypoints_3d": keypoints.rows(3),
+        "bbox_3d": box.rows(3) if box else None,
+        "footprint": footprint.rows(2) if footprint else None,
+        "basis": [mode.rows(3) for mode in basis.items()] if basis else None,
+        "eigenvalues": variances,
+    }
+    with field.blamed():
+        return ShapeModel(**arrays, name=field.path.partition(".")[2])
+
+
+def _object(field: Field, index: int, models: dict[str, ShapeModel]) -> FrameObject:
+    field.members(_OBJECT)
+    name = _model_name(field, models)
+    count = len(models[name].keypoints_3d)
+    points = field.need("keypoints_2d")
+    rows = [_pixel(item) for item in points.items()]
+    if len(rows) != count:
+        points.fail(f"{count} keypoints as in model {name!r}", str(len(rows)))
+    scores, box, truth, label = (field.get(key) for key in ("keypoint_scores", "bbox", "truth", "id"))
+    return FrameObject(
+        id=label.label() if label else index,
+        model=name,
+        keypoints_2d=np.array(rows).reshape(count, 2),
+        keypoint_scores=scores.numbers(count) if scores else None,
+        bbox=box.numbers(4, unknown=True) if box else None,
+        truth=_truth(truth) if truth else None,
+    )
+
+
+def _model_name(field: Field, models: dict[str, ShapeModel]) -> str:
+    given = field.get("model")
+    if given is None:
+        return next(iter(models)) if len(models) == 1 else field.need("model").text()
+    if given.text() not in models:
+        given.fail(f"one of the models {', '.join(models) or '(none given)'}")
+    return given.text()
+
+
+def _pixel(field: Field) -> list[float]:
+    return [math.nan, math.nan] if field.value is None else field.numbers(2, unknown=True)
+
+
+def _truth(field: Field) -> tuple[FloatArray, FloatArray]:
+    field.members(("R", "t"))
+    rotation = field.need("R")
+    R = np.array(rotation.rows(3))
+    if R.shape != (3, 3) or np.abs(R @ R.T - np.eye(3)).max() > 1e-3 or np.linalg.det(R) < 0.0:
+        rotation.fail("a rotation matrix, 3 rows of 3")
+    return R, np.array(field.need("t").numbers(3))
+
+
+# What is written of a pose, in this order, after the object's id and model.
+_RECORD = (
+    *("status", "R", "t", "yaw", "inlier_count", "inlier_mask", "inlier_threshold", "residuals"),
+    *("reprojection_rmse", "noise_sigma", "score", "log10_nfa", "covariance", "shape_coefficients", "shape_covariance"),
+    *("ambiguity", "confidence", "solver", "iterations", "hypotheses", "stop_reason"),
+)
+
+
+def pose_record(frame: Frame, poses: PoseBatch) -> str:
+    """One JSON line: `{"id": ..., "objects": [{"id", "model", "status", "R", "t", "yaw", ...}]}`.
+
+    The members of an object are the fields of `Pose` of the same names; NaN is null.
+    """
+    objects = [
+        {"id": o.id, "model": o.model, **{name: _plain(getattr(pose, name)) for name in _RECORD}}
+        for o, pose in zip(frame.objects, poses, strict=True)
+    ]
+    return json.dumps({"id": frame.id, "objects": objects}, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists and numbers that JSON cannot hold as None."""
+    if isinstance(value, np.ndarray):
+        return [_plain(x) for x in value.tolist()] if value.ndim else value.item()
+    if isinstance(value, list):
+        return [_plain(x) for x in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,229 @@
+"""Shape models: mean keypoints, modes of variation, 3D box and footprint of a class of objects."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from groundpose import _core
+from groundpose._checks import FloatArray, finite, input_error, integer, number, shaped, text, type_error
+from groundpose.types import Value
+
+# Version of the .npz files; raised when a reader of the old version could not read the new one.
+FILE_VERSION = 1
+
+_ARRAYS = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues")
+
+# Modes whose standard deviation is below this share of the model's size are rounding errors of equal models.
+_NO_DEVIATION = 1e-12
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class ShapeModel(Value):
+    """Keypoints of a class of objects, `X = keypoints_3d + sum_j shape_coefficients[j] * basis[j]`.
+
+    The object frame has x to the right, y down and z forward, metres; its origin is free (paper,
+    sec. 3.4, active shape model). All arrays are read-only copies.
+
+    Args:
+        keypoints_3d: (P, 3) metres, the mean.
+        bbox_3d: (2, 3) metres, `[min, max]` corner; None: the extent of `keypoints_3d`.
+        basis: (M, P, 3) metres, one mode of variation each; None: a rigid model.
+        eigenvalues: (M,) m^2, variance of each mode's coefficient, positive.
+        keypoint_names: P names or none.
+        footprint: (C, 2) metres, `[x, z]` corners of the convex outline seen from above, in order;
+            None: the rectangle of `bbox_3d`.
+        name: of the class.
+
+    Raises:
+        InputError: a shape or value that cannot be. TypeError: not numbers.
+    """
+
+    keypoints_3d: FloatArray
+    bbox_3d: FloatArray
+    basis: FloatArray
+    eigenvalues: FloatArray
+    keypoint_names: tuple[str, ...]
+    footprint: FloatArray | None
+    name: str
+    _handle: _core.Model = field(init=False)
+
+    def __init__(
+        self,
+        keypoints_3d: object,
+        bbox_3d: object = None,
+        basis: object = None,
+        eigenvalues: object = None,
+        keypoint_names: Sequence[str] = (),
+        footprint: object = None,
+        name: str = "",
+    ) -> None:
+        """Check and copy the arrays."""
+        mean = _checked("keypoints_3d", keypoints_3d, ("P", 3))
+        count = len(mean)
+        if count == 0:
+            raise input_error("keypoints_3d", "at least one keypoint", "none")
+        if (basis is None) != (eigenvalues is None):
+            given, missing = ("eigenvalues", "basis") if basis is None else ("basis", "eigenvalues")
+            raise input_error(missing, f"an array, because {given} is given", None)
+        modes = _checked("basis", np.zeros((0, count, 3)) if basis is None else basis, ("M", count, 3))
+        arrays = {
+            "keypoints_3d": mean,
+            "bbox_3d": _checked("bbox_3d", extent(mean) if bbox_3d is None else bbox_3d, (2, 3)),
+            "basis": modes,
+            "eigenvalues": _checked(
+                "eigenvalues", np.zeros(0) if eigenvalues is None else eigenvalues, (len(modes),)
+            ),
+        }
+        outline = None if footprint is None else _checked("footprint", footprint, ("C", 2))
+        names = _names(keypoint_names, count)
+        handle = _core.Model(**arrays, footprint=outline)
+        self._set(**arrays, footprint=outline, keypoint_names=names, name=text("name", name), _handle=handle)
+
+    def __repr__(self) -> str:
+        """Name and sizes."""
+        return f"ShapeModel(name={self.name!r}, keypoints={len(self.keypoints_3d)}, modes={self.modes})"
+
+    @property
+    def modes(self) -> int:
+        """Number of modes of variation, M."""
+        return len(self.eigenvalues)
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """`(length, height, width)` of the 3D box, metres."""
+        width, height, length = (self.bbox_3d[1] - self.bbox_3d[0]).tolist()
+        return length, height, width
+
+    def keypoints(self, shape_coefficients: object = ()) -> FloatArray:
+        """Keypoints (P, 3), metres, of the shape with coefficients (M,); without any, the mean."""
+        given = shape_coefficients if np.size(shape_coefficients) else np.zeros(self.modes)  # type: ignore[arg-type]
+        coefficients = shaped("shape_coefficients", given, (self.modes,))
+        return np.asarray(self.keypoints_3d + np.tensordot(coefficients, self.basis, axes=1))
+
+    @classmethod
+    def fit(
+        cls,
+        models: object,
+        modes: int = 5,
+        *,
+        bbox_3d: object = None,
+        keypoint_names: Sequence[str] = (),
+        footprint: object = None,
+        name: str = "",
+    ) -> ShapeModel:
+        """The mean and principal components of aligned models of one class.
+
+        Args:
+            models: (S, P, 3) metres, keypoints of S models in one object frame (aligned already).
+            modes: number of components kept, at most S - 1; components without variance (equal
+                models) are left out.
+            bbox_3d: (2, 3), or (S, 2, 3) for the mean box of the models; None: extent of the mean.
+            keypoint_names, footprint, name: as of the class.
+
+        The modes are orthonormal over all coordinates and a coefficient's variance over the models
+        is its eigenvalue (Cootes et al., 1995: active shape models).
+
+        Raises:
+            InputError: wrong shapes, numbers that are not finite, or more modes than models allow.
+        """
+        stack = finite("models", shaped("models", models, ("S", "P", 3)))
+        count, modes = len(stack), integer("modes", modes)
+        if count == 0:
+            raise input_error("models", "at least one model", "none")
+        limit = min(count - 1, stack[0].size)
+        if not 0 <= modes <= limit:
+            raise input_error("modes", f"0 to {limit} with {count} models", modes)
+        mean = stack.mean(axis=0)
+        _, s, components = np.linalg.svd((stack - mean).reshape(count, -1), full_matrices=False)
+        variance = s[:modes] ** 2 / max(count - 1, 1)
+        kept = variance > _NO_DEVIATION**2 * np.sum(mean**2)
+        bbox = None if bbox_3d is None else shaped("bbox_3d", bbox_3d, (2, 3), (count, 2, 3))
+        return cls(
+            mean,
+            bbox if bbox is None or bbox.ndim == 2 else bbox.mean(axis=0),
+            components[:modes][kept].reshape(-1, *mean.shape),
+            variance[kept],
+            tuple(keypoint_names),
+            footprint,
+            name,
+        )
+
+    def scaled(self, length: float, height: float, width: float) -> ShapeModel:
+        """The model stretched along its axes about the origin, so that its 3D box has this size (metres).
+
+        The modes are stretched with it: a coefficient keeps its meaning and its variance.
+        """
+        wanted = [number("width", width), number("height", height), number("length", length)]
+        for side, value in zip(("width", "height", "length"), wanted, strict=True):
+            if not (np.isfinite(value) and value > 0.0):
+                raise input_error(side, "a positive number of metres", value)
+        factor = np.array(wanted) / (self.bbox_3d[1] - self.bbox_3d[0])
+        footprint = None if self.footprint is None else self.footprint * factor[[0, 2]]
+        return ShapeModel(
+            self.keypoints_3d * factor,
+            self.bbox_3d * factor,
+            self.basis * factor,
+            self.eigenvalues,
+            self.keypoint_names,
+            footprint,
+            self.name,
+        )
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the model to `path` (.npz, arrays and strings only)."""
+        arrays = {key: getattr(self, key) for key in _ARRAYS}
+        if self.footprint is not None:
+            arrays["footprint"] = self.footprint
+        names = np.array(self.keypoint_names, dtype=np.str_)
+        with Path(path).open("wb") as file:  # np.savez would add a suffix to a bare path
+            np.savez(file, version=FILE_VERSION, name=self.name, keypoint_names=names, **arrays)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> ShapeModel:
+        """Read a model written by `save`. Raises OSError (no such file) or InputError (not a model)."""
+        try:
+            # Opened here: np.load leaves a damaged file open.
+            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+                content = {key: file[key] for key in file.files}
+        except (ValueError, EOFError, AttributeError, TypeError, zipfile.BadZipFile):
+            raise input_error(str(path), "a shape model (.npz)", "another kind of file") from None
+        version = content.get("version")
+        if version is None or version.shape != () or version.dtype.kind != "i":
+            raise input_error(str(path), "a shape model (.npz)", f"an .npz of {sorted(content)}")
+        if version > FILE_VERSION:
+            raise input_error(str(path), f"version {FILE_VERSION} or older", f"{version}; update groundpose")
+        try:
+            mean, bbox, basis, variances = (content[key] for key in _ARRAYS)
+            names, name = tuple(content["keypoint_names"].tolist()), str(content["name"])
+        except KeyError as error:
+            raise input_error(str(path), f"an array {error}", sorted(content)) from None
+        return cls(mean, bbox, basis, variances, names, content.get("footprint"), name)
+
+
+def extent(points: FloatArray) -> FloatArray:
+    """`[min, max]` corner (2, D) of points (N, D)."""
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _checked(name: str, value: object, shape: tuple[int | str, ...]) -> FloatArray:
+    """A read-only copy of finite numbers of `shape`: the Rust side holds its own copy, checked once."""
+    array: FloatArray = finite(name, shaped(name, value, shape)).copy()
+    array.setflags(write=False)
+    return array
+
+
+def _names(value: object, count: int) -> tuple[str, ...]:
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise type_error("keypoint_names", "a sequence of str", value)
+    names = tuple(value)
+    if not all(isinstance(name, str) for name in names):
+        raise type_error("keypoint_names", "a sequence of str", value)
+    if len(names) not in (0, count):
+        raise input_error("keypoint_names", f"{count} names, one per keypoint", len(names))
+    return names

@@ -1,0 +1,305 @@
+"""Camera, tilt and options: what a caller says before the first object."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from groundpose import _core
+from groundpose._checks import (
+    FloatArray,
+    count,
+    describe,
+    finite,
+    flag,
+    input_error,
+    integer,
+    number,
+    shaped,
+    text,
+    type_error,
+)
+from groundpose.calibration import read_kitti_projection, read_opencv_yaml
+
+_DEFAULT = _core.default_options()
+
+
+class Value:
+    """Base of the frozen dataclasses here: copied and pickled by their fields."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Rebuild from the fields, because the checked Rust object inside cannot be pickled."""
+        return type(self), tuple(getattr(self, f.name) for f in fields(self) if f.init)  # type: ignore[arg-type]
+
+    def _set(self, **values: object) -> None:
+        """Store checked values while the object is being made."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class Camera(Value):
+    """A pinhole camera. Pixel centres are at integer coordinates, as in OpenCV.
+
+    Args:
+        fx, fy: focal lengths in pixels, positive.
+        cx, cy: principal point in pixels.
+        distortion: `k1, k2, p1, p2[, k3]` of OpenCV's model, undone on the way in. None: none.
+        image_size: `(width, height)` in pixels; tells which box sides are cut by the image border.
+
+    Raises:
+        InputError: a number that cannot be. TypeError: not a number.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float] | None = None
+    image_size: tuple[int, int] | None = None
+    _handle: _core.Camera = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check the numbers; the core keeps a copy."""
+        values = {name: number(name, getattr(self, name)) for name in ("fx", "fy", "cx", "cy")}
+        distortion = None if self.distortion is None else _distortion(self.distortion)
+        size = None if self.image_size is None else _image_size(self.image_size)
+        handle = _core.Camera(**values, distortion=distortion, image_size=size)
+        self._set(**values, distortion=distortion, image_size=size, _handle=handle)
+
+    @classmethod
+    def from_K(
+        cls,
+        K: object,
+        distortion: Sequence[float] | None = None,
+        image_size: tuple[int, int] | None = None,
+    ) -> Camera:
+        """From the 3 x 3 matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`; its transpose is refused."""
+        a = finite("K", shaped("K", K, (3, 3)))
+        if np.any(a[2, :2] != 0.0) and not np.any(a[:2, 2] != 0.0):
+            raise input_error("K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", "its transpose; pass K.T")
+        if a[0, 1] != 0.0 or a[1, 0] != 0.0 or np.any(a[2] != [0.0, 0.0, 1.0]):
+            raise input_error("K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew", a.tolist())
+        return cls(a[0, 0], a[1, 1], a[0, 2], a[1, 2], distortion, image_size)  # type: ignore[arg-type]
+
+    @classmethod
+    def from_fov(cls, width: int, height: int, horizontal_fov: float) -> Camera:
+        """Square pixels, principal point in the middle of the image; `horizontal_fov` in radians."""
+        width, height = _image_size((width, height))
+        if not 0.0 < number("horizontal_fov", horizontal_fov) < math.pi:
+            raise input_error("horizontal_fov", "radians between 0 and pi", horizontal_fov)
+        f = 0.5 * width / math.tan(0.5 * horizontal_fov)
+        # The image reaches half a pixel beyond the first and the last pixel centre.
+        return cls(f, f, 0.5 * (width - 1), 0.5 * (height - 1), image_size=(width, height))
+
+    @classmethod
+    def from_kitti(
+        cls, path: str | PathLike[str], name: str = "P2", image_size: tuple[int, int] | None = None
+    ) -> Camera:
+        """The camera of line `name` of a KITTI calibration file.
+
+        Poses are in this camera's own frame; KITTI's labels are in that of camera 0, which stands
+        beside it (`t_camera0 = t - inv(K) @ P[:, 3]`, 6 cm for P2).
+        """
+        return cls.from_K(read_kitti_projection(path, name)[:, :3], image_size=image_size)
+
+    @classmethod
+    def from_opencv_yaml(cls, path: str | PathLike[str]) -> Camera:
+        """From a YAML file written by OpenCV's FileStorage or by ROS camera_calibration."""
+        K, distortion, image_size = read_opencv_yaml(path)
+        if np.any(distortion[5:] != 0.0):
+            raise input_error("distortion_coefficients", "k1, k2, p1, p2, k3", f"{len(distortion)} numbers")
+        return cls.from_K(K, distortion[:5].tolist() if distortion.size else None, image_size)
+
+    @property
+    def K(self) -> FloatArray:
+        """`[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, (3, 3)."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def undistort(self, pixels: object) -> FloatArray:
+        """Pixels (N, 2) as an ideal lens would show them; NaN where the distortion cannot be undone."""
+        return self._handle.undistort(shaped("pixels", pixels, ("N", 2)))
+
+
+@dataclass(frozen=True)
+class View(Value):
+    """A camera and its tilt against the ground: `R_camera_from_ground = R_z(roll) @ R_x(-pitch)`.
+
+    The ground frame has its origin in the camera, y down along the ground's normal and z along the
+    camera's forward direction laid on the ground.
+
+    Args:
+        camera: the camera.
+        pitch: radians, positive when the optical axis points above the horizon, which then lies
+            at row `cy + fy * tan(pitch)`.
+        roll: radians, rotation of the camera about its optical axis.
+        height: metres of the camera above the ground, if known.
+
+    Raises:
+        InputError: an angle or height that cannot be. TypeError: not a number.
+    """
+
+    camera: Camera
+    pitch: float = 0.0
+    roll: float = 0.0
+    height: float | None = None
+    _handle: _core.View = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check the numbers; the core keeps a copy."""
+        if not isinstance(self.camera, Camera):
+            raise type_error("camera", "a Camera", self.camera)
+        pitch, roll = number("pitch", self.pitch), number("roll", self.roll)
+        height = None if self.height is None else number("height", self.height)
+        handle = _core.View(self.camera._handle, pitch, roll, height)
+        self._set(pitch=pitch, roll=roll, height=height, _handle=handle)
+
+    @classmethod
+    def from_gravity(cls, camera: Camera, gravity: object, height: float | None = None) -> View:
+        """From the direction of gravity (downwards), (3,) of any length, in the camera frame."""
+        if not isinstance(camera, Camera):
+            raise type_error("camera", "a Camera", camera)
+        core = _core.View.from_gravity(camera._handle, shaped("gravity", gravity, (3,)))
+        return cls(camera, core.pitch, core.roll, height)
+
+    @property
+    def R_camera_from_ground(self) -> FloatArray:
+        """Rotation (3, 3) from the ground frame to the camera frame."""
+        return self._handle.R_camera_from_ground
+
+    def horizon(self) -> tuple[float, float, float]:
+        """`(a, b, c)` of the horizon's line `a u + b v + c = 0` in undistorted pixels."""
+        return self._handle.horizon()
+
+    def side_planes(self, left: float, right: float) -> FloatArray:
+        """Unit normals (2, 3), in the ground frame and pointing inwards, of the planes through the
+        pixel columns `left` and `right`."""
+        return self._handle.side_planes(number("left", left), number("right", right))
+
+    def project(self, points_camera: object) -> FloatArray:
+        """Undistorted pixels (N, 2) of points (N, 3) of the camera frame; NaN behind the camera."""
+        return self._handle.project(shaped("points_camera", points_camera, ("N", 3)))
+
+
+@dataclass(frozen=True)
+class Options(Value):
+    """How poses are estimated. Every field is read; an unknown one is a TypeError.
+
+    Args:
+        inlier_threshold: pixels, one number or one per object; None: `relative_threshold` times
+            the longer side of the object's 2D box.
+        relative_threshold: see above.
+        confidence: wanted probability of having drawn one good sample (the stop rule of RANSAC).
+        solver: "auto" (by what is known of the box), "p1p", "p3p", "up2p" or "p1p_height".
+        cases: pairs of footprint corners the one-point solver tries: "all" or the four of the "paper".
+        scoring: "msac" (truncated squared error) or "inliers" (their number).
+        refinement: "default", "hre" (paper, algorithm 1), "re" (its robust stage alone),
+            "gn" (least squares on the inliers) or "none".
+        hre_thresholds: `(tau1, tau2, tau3)` of "hre" as multiples of the inlier threshold.
+        tilt_sigma: radians, standard deviation of an object's up axis about the ground's normal;
+            infinite: the tilt is forgotten after the search, 0: objects stand exactly upright;
+            None: 1.5 degrees in the default refinement, infinite in the paper's.
+        shape_prior: whether shape coefficients are pulled to zero by the model's eigenvalues;
+            None: in the default refinement, not in the paper's.
+        bbox_sigma: pixels, standard deviation of the 2D box's sides about the projected 3D box;
+            infinite: the box only makes hypotheses; None: by the inlier threshold in the default
+            refinement, infinite in the paper's.
+        covariance: whether covariances are computed.
+        max_iterations: most samples drawn for one object.
+        min_keypoints: fewest visible keypoints an object must have.
+        max_log10_nfa: refuse a pose when this many (log10) as good are to be expected among random
+            keypoints; infinite: never refuse.
+        score_weights: whether keypoint scores weigh the residuals (they order the draws in any case).
+        seed: of the random draws; an object's draws depend on it and the object's index only.
+
+    Raises:
+        InputError: a value out of range. TypeError: a value of another type, an unknown field.
+    """
+
+    inlier_threshold: float | Sequence[float] | None = _DEFAULT["inlier_threshold"]
+    relative_threshold: float = _DEFAULT["relative_threshold"]
+    confidence: float = _DEFAULT["confidence"]
+    solver: str = _DEFAULT["solver"]
+    cases: str = _DEFAULT["cases"]
+    scoring: str = _DEFAULT["scoring"]
+    refinement: str = _DEFAULT["refinement"]
+    hre_thresholds: tuple[float, float, float] = _DEFAULT["hre_thresholds"]
+    tilt_sigma: float | None = _DEFAULT["tilt_sigma"]
+    shape_prior: bool | None = _DEFAULT["shape_prior"]
+    bbox_sigma: float | None = _DEFAULT["bbox_sigma"]
+    covariance: bool = _DEFAULT["covariance"]
+    max_iterations: int = _DEFAULT["max_iterations"]
+    min_keypoints: int = _DEFAULT["min_keypoints"]
+    max_log10_nfa: float = _DEFAULT["max_log10_nfa"]
+    score_weights: bool = _DEFAULT["score_weights"]
+    seed: int = _DEFAULT["seed"]
+    _handle: _core.Options = field(init=False, repr=False, compare=False)
+    _thresholds: FloatArray | None = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check types here and values in the core."""
+        values = {f.name: _KINDS[f.name](f.name, getattr(self, f.name)) for f in fields(self) if f.init}
+        thresholds = None
+        if isinstance(values["inlier_threshold"], tuple):
+            thresholds = np.array(values["inlier_threshold"])
+            if not np.all(np.isfinite(thresholds) & (thresholds > 0.0)):
+                raise input_error(
+                    "inlier_threshold", "positive numbers of pixels", describe(thresholds.tolist())
+                )
+        handle = _core.Options(**{**values, **({} if thresholds is None else {"inlier_threshold": None})})
+        self._set(**values, _handle=handle, _thresholds=thresholds)
+
+
+_Kind = Callable[[str, Any], Any]
+
+
+def _or_none(kind: _Kind) -> _Kind:
+    return lambda name, value: None if value is None else kind(name, value)
+
+
+def _one_or_more(name: str, value: Any) -> float | tuple[float, ...]:
+    if np.ndim(value) == 0:
+        return number(name, value)
+    return tuple(shaped(name, value, ("N",)).tolist())
+
+
+def _three(name: str, value: Any) -> tuple[float, ...]:
+    return tuple(shaped(name, value, (3,)).tolist())
+
+
+# The type each option takes.
+_KINDS: dict[str, _Kind] = {
+    "inlier_threshold": _or_none(_one_or_more),
+    "relative_threshold": number,
+    "confidence": number,
+    "solver": text,
+    "cases": text,
+    "scoring": text,
+    "refinement": text,
+    "hre_thresholds": _three,
+    "tilt_sigma": _or_none(number),
+    "shape_prior": _or_none(flag),
+    "bbox_sigma": _or_none(number),
+    "covariance": flag,
+    "max_iterations": count,
+    "min_keypoints": count,
+    "max_log10_nfa": number,
+    "score_weights": flag,
+    "seed": count,
+}
+
+
+def _distortion(value: object) -> tuple[float, float, float, float, float]:
+    k = shaped("distortion", value, (4,), (5,)).tolist()
+    return (k[0], k[1], k[2], k[3], k[4] if len(k) == 5 else 0.0)
+
+
+def _image_size(value: object) -> tuple[int, int]:
+    if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != 2:
+        raise type_error("image_size", "(width, height)", value)
+    return integer("image_size", value[0]), integer("image_size", value[1])

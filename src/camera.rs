@@ -1,0 +1,282 @@
+//! Camera, its tilt against the ground, and what follows from them: rays, side planes, horizon.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use crate::error::{Got, InputError, require};
+use crate::math::{atan2, norm2, tan};
+use crate::object::Bbox;
+
+/// A pinhole camera; pixel centres at integer coordinates, as in OpenCV.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Focal length, pixels, along the columns.
+    pub fx: f64,
+    /// Focal length, pixels, along the rows.
+    pub fy: f64,
+    /// Principal point, column.
+    pub cx: f64,
+    /// Principal point, row.
+    pub cy: f64,
+    /// `k1, k2, p1, p2, k3` of OpenCV's model, undone on the way in.
+    pub distortion: Option<[f64; 5]>,
+    /// Width and height in pixels; tells which box sides are cut by the image border.
+    pub image_size: Option<[f64; 2]>,
+}
+
+impl Camera {
+    /// A camera without distortion.
+    ///
+    /// # Errors
+    /// A focal length that is not positive, or any number that is not finite.
+    pub fn new(fx: f64, fy: f64, cx: f64, cy: f64) -> Result<Self, InputError> {
+        for (name, f) in [("fx", fx), ("fy", fy)] {
+            require(f.is_finite() && f > 0.0, name, "a positive finite number", Got::Number(f))?;
+        }
+        for (name, c) in [("cx", cx), ("cy", cy)] {
+            require(c.is_finite(), name, "a finite number", Got::Number(c))?;
+        }
+        Ok(Self { fx, fy, cx, cy, distortion: None, image_size: None })
+    }
+
+    /// The same camera with lens distortion `k1, k2, p1, p2, k3` (OpenCV's order).
+    ///
+    /// # Errors
+    /// A coefficient that is not finite.
+    pub fn with_distortion(mut self, coefficients: [f64; 5]) -> Result<Self, InputError> {
+        for c in coefficients {
+            require(c.is_finite(), "distortion", "finite numbers", Got::Number(c))?;
+        }
+        self.distortion = coefficients.iter().any(|&c| c != 0.0).then_some(coefficients);
+        Ok(self)
+    }
+
+    /// The same camera with an image of `width` x `height` pixels.
+    ///
+    /// # Errors
+    /// A size that is not positive.
+    pub fn with_image_size(mut self, width: f64, height: f64) -> Result<Self, InputError> {
+        for s in [width, height] {
+            require(s.is_finite() && s > 0.0, "image_size", "positive numbers", Got::Number(s))?;
+        }
+        self.image_size = Some([width, height]);
+        Ok(self)
+    }
+
+    /// Direction of a pixel in the camera frame, with z = 1.
+    #[must_use]
+    pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
+        Vector3::new((pixel[0] - self.cx) / self.fx, (pixel[1] - self.cy) / self.fy, 1.0)
+    }
+
+    /// Pixel of a point of the camera frame (without distortion); `None` behind the camera.
+    #[must_use]
+    pub fn project(&self, point: &Vector3<f64>) -> Option<[f64; 2]> {
+        (point.z > 0.0)
+            .then(|| [self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy])
+    }
+
+    /// The pixel an ideal lens would have made of a distorted pixel.
+    ///
+    /// Newton's method on the forward model; `None` where it does not come back to the given
+    /// pixel (beyond the radius at which the distortion model folds over).
+    #[must_use]
+    pub fn undistort(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        let Some(d) = self.distortion else { return Some(pixel) };
+        let target = self.ray(pixel);
+        let (mut x, mut y) = (target.x, target.y);
+        for _ in 0..30 {
+            let (value, jacobian) = distort_with_jacobian(&d, x, y);
+            let (ex, ey) = (value[0] - target.x, value[1] - target.y);
+            let [a, b, c, e] = jacobian;
+            let determinant = a * e - b * c;
+            // The model stays invertible from the centre outwards while the determinant is positive.
+            if determinant <= 1e-6 {
+                return None;
+            }
+            let (dx, dy) = ((e * ex - b * ey) / determinant, (a * ey - c * ex) / determinant);
+            x -= dx;
+            y -= dy;
+            if dx.abs() + dy.abs() < 1e-14 * (1.0 + x.abs() + y.abs()) {
+                break;
+            }
+        }
+        let (value, _) = distort_with_jacobian(&d, x, y);
+        let error = norm2(value[0] - target.x, value[1] - target.y);
+        (error < 1e-9).then(|| [self.fx * x + self.cx, self.fy * y + self.cy])
+    }
+
+    /// The pixel this lens makes of an ideal pixel: the inverse of [`Camera::undistort`].
+    #[must_use]
+    pub fn distort(&self, pixel: [f64; 2]) -> [f64; 2] {
+        let Some(d) = self.distortion else { return pixel };
+        let ray = self.ray(pixel);
+        let (value, _) = distort_with_jacobian(&d, ray.x, ray.y);
+        [self.fx * value[0] + self.cx, self.fy * value[1] + self.cy]
+    }
+}
+
+/// OpenCV's radial-tangential model at a normalised point, and its Jacobian `[xx, xy, yx, yy]`.
+fn distort_with_jacobian(d: &[f64; 5], x: f64, y: f64) -> ([f64; 2], [f64; 4]) {
+    let [k1, k2, p1, p2, k3] = *d;
+    let r2 = x * x + y * y;
+    let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+    let slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
+    let value = [
+        x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+        y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+    ];
+    let mixed = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y;
+    let jacobian = [
+        radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
+        mixed,
+        mixed,
+        radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
+    ];
+    (value, jacobian)
+}
+
+/// How the camera is tilted against the ground.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tilt {
+    /// Radians; positive when the optical axis points above the horizon.
+    pub pitch: f64,
+    /// Radians; rotation of the camera about its optical axis.
+    pub roll: f64,
+}
+
+/// A camera, its tilt against the ground and, if known, its height above it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// The camera.
+    pub camera: Camera,
+    /// Its tilt.
+    pub tilt: Tilt,
+    /// Height above the ground in metres, if known.
+    pub height: Option<f64>,
+    /// `R_z(roll) R_x(-pitch)` (paper, sec. 3.2, extended with roll).
+    pub r_camera_from_ground: Matrix3<f64>,
+}
+
+impl View {
+    /// A camera with its tilt.
+    ///
+    /// # Errors
+    /// An angle that is not finite, or a pitch of 90 degrees and more.
+    pub fn new(camera: Camera, tilt: Tilt) -> Result<Self, InputError> {
+        require(
+            tilt.pitch.is_finite() && tilt.pitch.abs() < core::f64::consts::FRAC_PI_2,
+            "pitch",
+            "radians between -pi/2 and pi/2",
+            Got::Number(tilt.pitch),
+        )?;
+        require(
+            tilt.roll.is_finite() && tilt.roll.abs() <= core::f64::consts::PI,
+            "roll",
+            "radians between -pi and pi",
+            Got::Number(tilt.roll),
+        )?;
+        let r_camera_from_ground = Rotation3::from_axis_angle(&Vector3::z_axis(), tilt.roll)
+            * Rotation3::from_axis_angle(&Vector3::x_axis(), -tilt.pitch);
+        Ok(Self { camera, tilt, height: None, r_camera_from_ground: r_camera_from_ground.into_inner() })
+    }
+
+    /// A camera with the direction of gravity (downwards) in its own frame, of any length.
+    ///
+    /// # Errors
+    /// A direction of zero length, not finite, or along the optical axis.
+    pub fn from_gravity(camera: Camera, gravity: [f64; 3]) -> Result<Self, InputError> {
+        let [x, y, z] = gravity;
+        let length = Vector3::from(gravity).norm();
+        require(
+            length.is_finite() && length > 0.0,
+            "gravity",
+            "a finite direction of non-zero length",
+            Got::Number(length),
+        )?;
+        let tilt = Tilt { pitch: atan2(-z, norm2(x, y)), roll: atan2(-x, y) };
+        require(
+            norm2(x, y) > 1e-6 * length,
+            "gravity",
+            "a direction that is not along the optical axis",
+            Got::Number(z / length),
+        )?;
+        Self::new(camera, tilt)
+    }
+
+    /// The same view with the camera `height` metres above the ground.
+    ///
+    /// # Errors
+    /// A height that is not positive.
+    pub fn with_height(mut self, height: f64) -> Result<Self, InputError> {
+        require(height.is_finite() && height > 0.0, "height", "a positive number of metres", Got::Number(height))?;
+        self.height = Some(height);
+        Ok(self)
+    }
+
+    /// Line `a u + b v + c = 0` of the horizon in pixels; without roll, `v = cy + fy tan(pitch)`.
+    #[must_use]
+    pub fn horizon(&self) -> [f64; 3] {
+        let camera = &self.camera;
+        if self.tilt.roll == 0.0 {
+            return [0.0, 1.0, -(camera.cy + camera.fy * tan(self.tilt.pitch))];
+        }
+        // Rays perpendicular to the ground's normal.
+        let down = self.r_camera_from_ground.column(1);
+        let (a, b) = (down[0] / camera.fx, down[1] / camera.fy);
+        let c = down[2] - a * camera.cx - b * camera.cy;
+        let length = norm2(a, b);
+        [a / length, b / length, c / length]
+    }
+
+    /// Unit normal, in the ground frame, of the plane through pixel column `u`; it points right.
+    #[must_use]
+    pub fn column_plane(&self, u: f64) -> Vector3<f64> {
+        // K^T [1, 0, -u] divided by fx
+        let slope = (u - self.camera.cx) / self.camera.fx;
+        let normal = Vector3::new(1.0, 0.0, -slope) / norm2(1.0, slope);
+        self.r_camera_from_ground.tr_mul(&normal)
+    }
+
+    /// Inward normals, in the ground frame, of the planes through the left and right sides of a box.
+    #[must_use]
+    pub fn side_planes(&self, left: f64, right: f64) -> [Vector3<f64>; 2] {
+        [self.column_plane(left), -self.column_plane(right)]
+    }
+
+    /// A box of a distorted image without distortion: each side moves as its middle does. A side whose middle
+    /// cannot be undone becomes unknown.
+    #[must_use]
+    pub fn undistort_bbox(&self, bbox: Bbox) -> Bbox {
+        if self.camera.distortion.is_none() {
+            return bbox;
+        }
+        // An unknown side does not tell where the middle of its neighbours is: theirs is taken at the other end.
+        let middle = |a: f64, b: f64, fallback: f64| {
+            let m = 0.5 * (a + b);
+            if !m.is_nan() {
+                m
+            } else if !a.is_nan() {
+                a
+            } else if !b.is_nan() {
+                b
+            } else {
+                fallback
+            }
+        };
+        let (u, v) = (middle(bbox.left, bbox.right, self.camera.cx), middle(bbox.top, bbox.bottom, self.camera.cy));
+        let side = |pixel: [f64; 2], axis: usize| self.camera.undistort(pixel).map_or(f64::NAN, |p| p[axis]);
+        Bbox {
+            left: side([bbox.left, v], 0),
+            top: side([u, bbox.top], 1),
+            right: side([bbox.right, v], 0),
+            bottom: side([u, bbox.bottom], 1),
+        }
+    }
+
+    /// Ray of a pixel in the ground frame, of length one in the bird's-eye view (paper, eq. 4).
+    #[must_use]
+    pub fn ground_ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
+        let ray = self.r_camera_from_ground.tr_mul(&self.camera.ray(pixel));
+        ray / norm2(ray.x, ray.z)
+    }
+}

@@ -1,0 +1,97 @@
+//! Two kinds of failure that are never mixed: the caller's mistake and data without an answer.
+
+use core::fmt;
+
+/// A value the caller passed is not what the argument takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InputError {
+    /// Name of the argument or field.
+    pub argument: &'static str,
+    /// What it takes.
+    pub expected: &'static str,
+    /// What it was.
+    pub got: Got,
+}
+
+/// What an argument was instead of what it takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Got {
+    /// A number.
+    Number(f64),
+    /// A length or an index.
+    Count(usize),
+    /// Two numbers in the wrong relation.
+    Pair(f64, f64),
+    /// Anything else, in words.
+    Text(&'static str),
+}
+
+impl fmt::Display for Got {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Got::Number(x) => write!(f, "{x}"),
+            Got::Count(n) => write!(f, "{n}"),
+            Got::Pair(a, b) => write!(f, "{a} and {b}"),
+            Got::Text(s) => f.write_str(s),
+        }
+    }
+}
+
+impl fmt::Display for InputError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: expected {}, got {}", self.argument, self.expected, self.got)
+    }
+}
+
+impl core::error::Error for InputError {}
+
+/// `Err(InputError)` unless `ok`.
+#[inline]
+pub(crate) fn require(ok: bool, argument: &'static str, expected: &'static str, got: Got) -> Result<(), InputError> {
+    if ok { Ok(()) } else { Err(InputError { argument, expected, got }) }
+}
+
+/// Why an object has no pose. The data has no answer; nobody made a mistake.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum NoPose {
+    /// Fewer visible keypoints than a pose needs.
+    TooFewKeypoints = 1,
+    /// The visible keypoints, in the image or on the model, are one point or lie on one line.
+    Degenerate = 2,
+    /// No sample gave a pose in front of the camera that agrees with the box.
+    NoHypothesis = 3,
+    /// The best pose explains so few keypoints that chance explains them as well.
+    NoConsensus = 4,
+    /// The object's own numbers are not usable (only batches report this; alone it is an [`InputError`]).
+    InvalidInput = 5,
+    /// More keypoints than the caller's fixed workspace holds.
+    WorkspaceTooSmall = 6,
+}
+
+impl NoPose {
+    /// Every reason with its name; a status of 0 is `"ok"`.
+    pub const NAMES: [&'static str; 7] = [
+        "ok",
+        "too_few_keypoints",
+        "degenerate",
+        "no_hypothesis",
+        "no_consensus",
+        "invalid_input",
+        "workspace_too_small",
+    ];
+
+    /// The name used in Python and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
+impl fmt::Display for NoPose {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl core::error::Error for NoPose {}

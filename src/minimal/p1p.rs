@@ -1,0 +1,187 @@
+//! P1P: pose of an upright object from one keypoint, two sides of its 2D box and the tilt (paper, sec. 3.2).
+//!
+//! In the ground frame let `k` be the keypoint's ray with length one in the bird's-eye view, `l_C` the
+//! keypoint's distance there, `d_c` the offset from the keypoint to corner `c` of the 3D box in object axes and
+//! `n_L`, `n_R` the inward normals of the planes through the box's sides. Corner `i` on the left plane and
+//! corner `j` on the right one mean
+//!
+//! ```text
+//! n_L . (l_C k + R(yaw) d_i) = 0,    n_R . (l_C k + R(yaw) d_j) = 0,
+//! ```
+//!
+//! linear in `(l_C, cos yaw, sin yaw)`. Eliminating `l_C` is eq. (2) of the paper without its angles: no
+//! arcsine that loses a sign (erratum: `phi_y = arcsin(v_C . v_K)` of Appendix B is a dot product, and
+//! `theta_L`, `theta_R`, `psi` by arccosine lose theirs), and no branch per case: a case is a row `(i, j)`.
+//!
+//! The paper takes the side planes as perpendicular to the ground. Under pitch they are not; their y component
+//! adds a known constant, which gives a right-hand side and two roots per case. Feasibility (`l_C > 0`, every
+//! corner of the 3D box between the planes) replaces Table 1. Erratum: one keypoint does *not* give a unique
+//! solution; 2 or 3 are feasible on average and all are returned.
+
+use nalgebra::Vector3;
+
+use super::MinimalSolver;
+use crate::camera::View;
+use crate::math::{norm2, sqrt};
+use crate::object::{Bbox, Footprint, ShapeModel};
+use crate::observation::Observation;
+use crate::pose::{Pose, ground_distance, yaw_rotation};
+
+/// Which corners may touch the sides of the 2D box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cases {
+    /// All ordered pairs of footprint corners: always contains the truth.
+    All,
+    /// The paper's four diagonal cases (Fig. 2): misses views with one visible face (8 % at 10 to 50 m).
+    Paper,
+}
+
+/// The paper's cases 1 to 4 as (left, right) rows of [`Footprint::rectangle`]; its corners 1 to 4 are rows 0 to 3.
+const PAPER_CASES: [(usize, usize); 4] = [(3, 1), (2, 0), (0, 2), (1, 3)];
+
+/// Corners may lie outside the side planes by this share of the keypoint's distance: room for noise
+/// (method: 3 % served well with 2 px).
+const FEASIBILITY_TOLERANCE: f64 = 0.03;
+
+/// The solver for one object in one view.
+pub struct P1p<'a> {
+    view: &'a View,
+    observation: &'a Observation<'a>,
+    planes: [Vector3<f64>; 2],
+    footprint: Footprint,
+    /// Height (y, object frame) of the corner that touches each plane first, and of the other one.
+    touching_y: [f64; 2],
+    cases: Cases,
+}
+
+/// Coefficients of `a l_C + p cos + q sin + g = 0`: one corner on one plane.
+struct CornerOnPlane {
+    a: f64,
+    p: f64,
+    q: f64,
+    g: f64,
+}
+
+impl CornerOnPlane {
+    #[inline(always)]
+    fn new(plane: &Vector3<f64>, ray: &Vector3<f64>, offset: [f64; 3]) -> Self {
+        let [dx, dy, dz] = offset;
+        Self {
+            a: plane.dot(ray),
+            // R(yaw) d = (c dx + s dz, dy, c dz - s dx)
+            p: plane.x * dx + plane.z * dz,
+            q: plane.x * dz - plane.z * dx,
+            g: plane.y * dy,
+        }
+    }
+
+    #[inline(always)]
+    fn distance(&self, cosine: f64, sine: f64) -> f64 {
+        -(self.p * cosine + self.q * sine + self.g) / self.a
+    }
+}
+
+impl<'a> P1p<'a> {
+    /// The solver for an object whose left and right box sides are known.
+    #[must_use]
+    pub fn new(view: &'a View, observation: &'a Observation<'a>, bbox: &Bbox, cases: Cases) -> Self {
+        let planes = view.side_planes(bbox.left, bbox.right);
+        let model = observation.model();
+        let footprint = match cases {
+            Cases::All => *model.footprint(),
+            Cases::Paper => Footprint::rectangle(model.bbox_3d()),
+        };
+        Self { view, observation, planes, footprint, touching_y: touching_heights(&planes, model), cases }
+    }
+
+    /// Both solutions of one case, before the test of feasibility: cosine, sine, distance.
+    #[inline(always)]
+    fn case(&self, ray: &Vector3<f64>, keypoint: [f64; 3], left: usize, right: usize) -> [Option<(f64, f64, f64)>; 2] {
+        let on = |plane: usize, corner: usize| {
+            let [x, z] = self.footprint.corners()[corner];
+            let offset = [x - keypoint[0], self.touching_y[plane] - keypoint[1], z - keypoint[2]];
+            CornerOnPlane::new(&self.planes[plane], ray, offset)
+        };
+        let (on_left, on_right) = (on(0, left), on(1, right));
+        // l_C eliminated: p cos + q sin + g = 0
+        let p = on_right.a * on_left.p - on_left.a * on_right.p;
+        let q = on_right.a * on_left.q - on_left.a * on_right.q;
+        let g = on_right.a * on_left.g - on_left.a * on_right.g;
+        let norm_squared = p * p + q * q;
+        let discriminant = norm_squared - g * g;
+        if discriminant <= 0.0 {
+            return [None, None];
+        }
+        let (inverse, root) = (1.0 / norm_squared, sqrt(discriminant));
+        // Of the two equations the one whose plane is further from the ray gives the distance.
+        let equation = if on_left.a.abs() > on_right.a.abs() { &on_left } else { &on_right };
+        [1.0, -1.0].map(|sign| {
+            let cosine = (-g * p + sign * root * q) * inverse;
+            let sine = (-g * q - sign * root * p) * inverse;
+            let distance = equation.distance(cosine, sine);
+            (distance > 0.0).then_some((cosine, sine, distance))
+        })
+    }
+
+    /// Whether all corners of the 3D box lie between the two planes.
+    #[inline(always)]
+    fn is_feasible(&self, ray: &Vector3<f64>, keypoint: [f64; 3], cosine: f64, sine: f64, distance: f64) -> bool {
+        let tolerance = -FEASIBILITY_TOLERANCE * distance;
+        (0..2).all(|k| {
+            let plane = &self.planes[k];
+            let at_keypoint = distance * plane.dot(ray) + plane.y * (self.touching_y[k] - keypoint[1]);
+            let (along, across) = (plane.x * cosine - plane.z * sine, plane.x * sine + plane.z * cosine);
+            self.footprint.corners().iter().all(|&[x, z]| {
+                at_keypoint + along * (x - keypoint[0]) + across * (z - keypoint[2]) >= tolerance
+            })
+        })
+    }
+}
+
+/// For each plane the height of the 3D box (top or bottom) at which it touches the box: the sign of the
+/// normal's y component decides.
+pub(super) fn touching_heights(planes: &[Vector3<f64>; 2], model: &ShapeModel) -> [f64; 2] {
+    let [min, max] = model.bbox_3d();
+    planes.map(|plane| if plane.y > 0.0 { min[1] } else { max[1] })
+}
+
+/// Pose of an upright object whose keypoint lies at `distance` (bird's-eye view) along `ray` (paper, eq. 3).
+#[inline(always)]
+pub(super) fn pose_at(
+    view: &View,
+    ray: &Vector3<f64>,
+    keypoint: [f64; 3],
+    cosine: f64,
+    sine: f64,
+    distance: f64,
+) -> Pose {
+    let length = norm2(cosine, sine);
+    let r = yaw_rotation(cosine / length, sine / length);
+    Pose::from_ground(view, r, ray * distance - r * Vector3::from(keypoint))
+}
+
+impl MinimalSolver<1> for P1p<'_> {
+    fn solve(&self, [index]: [usize; 1], emit: &mut impl FnMut(Pose)) {
+        let ray = self.view.ground_ray(self.observation.keypoints_2d()[index]);
+        debug_assert!((ground_distance(&ray) - 1.0).abs() < 1e-9);
+        let keypoint = self.observation.model().mean()[index];
+        let mut try_case = |left: usize, right: usize| {
+            for (cosine, sine, distance) in self.case(&ray, keypoint, left, right).into_iter().flatten() {
+                if self.is_feasible(&ray, keypoint, cosine, sine, distance) {
+                    emit(pose_at(self.view, &ray, keypoint, cosine, sine, distance));
+                }
+            }
+        };
+        match self.cases {
+            Cases::Paper => PAPER_CASES.iter().for_each(|&(left, right)| try_case(left, right)),
+            Cases::All => {
+                let corners = self.footprint.corners().len();
+                for left in 0..corners {
+                    for right in (0..corners).filter(|&right| right != left) {
+                        try_case(left, right);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! P1P with the camera's height: for objects of whose box one side or none is known.
+//!
+//! An object on the ground has its keypoint `X` at the known height `h - (y_bottom - X_y)` below the camera
+//! (y down), so the keypoint's ray ends there: `l_C = (h - y_bottom + X_y) / k_y`. One known side of the box then
+//! gives the yaw: a corner on its plane is `p cos + q sin + (g + a l_C) = 0`, two roots per corner.
+
+use nalgebra::Vector3;
+
+use super::MinimalSolver;
+use super::p1p::{pose_at, touching_heights};
+use crate::camera::View;
+use crate::math::sqrt;
+use crate::object::Bbox;
+use crate::observation::Observation;
+use crate::pose::Pose;
+
+/// A keypoint at nearly the camera's height has no depth: the smallest slope of its ray against the ground.
+const SMALLEST_SLOPE: f64 = 1e-3;
+/// As in P1P.
+const FEASIBILITY_TOLERANCE: f64 = 0.03;
+
+/// The solver for one object in one view of known height.
+pub struct P1pHeight<'a> {
+    view: &'a View,
+    observation: &'a Observation<'a>,
+    height: f64,
+    planes: [Vector3<f64>; 2],
+    known: [bool; 2],
+    touching_y: [f64; 2],
+}
+
+impl<'a> P1pHeight<'a> {
+    /// The solver for a box with at least one known vertical side and a camera `height` metres above the ground.
+    #[must_use]
+    pub fn new(view: &'a View, observation: &'a Observation<'a>, bbox: &Bbox, height: f64) -> Self {
+        let known = [!bbox.left.is_nan(), !bbox.right.is_nan()];
+        let planes = view.side_planes(bbox.left, bbox.right);
+        let touching_y = touching_heights(&planes, observation.model());
+        Self { view, observation, height, planes, known, touching_y }
+    }
+}
+
+impl MinimalSolver<1> for P1pHeight<'_> {
+    fn solve(&self, [index]: [usize; 1], emit: &mut impl FnMut(Pose)) {
+        let model = self.observation.model();
+        let ray = self.view.ground_ray(self.observation.keypoints_2d()[index]);
+        let keypoint = model.mean()[index];
+        let depth_below_camera = self.height - model.bbox_3d()[1][1] + keypoint[1];
+        let distance = depth_below_camera / ray.y;
+        if ray.y.abs() < SMALLEST_SLOPE || distance <= 0.0 {
+            return;
+        }
+        for k in (0..2).filter(|&k| self.known[k]) {
+            let plane = &self.planes[k];
+            let g = distance * plane.dot(&ray) + plane.y * (self.touching_y[k] - keypoint[1]);
+            // Signed distance of a corner from the plane for a yaw.
+            let coefficients = |corner: [f64; 2]| {
+                let (dx, dz) = (corner[0] - keypoint[0], corner[1] - keypoint[2]);
+                (plane.x * dx + plane.z * dz, plane.x * dz - plane.z * dx)
+            };
+            for &corner in model.footprint().corners() {
+                let (p, q) = coefficients(corner);
+                let norm_squared = p * p + q * q;
+                let discriminant = norm_squared - g * g;
+                if discriminant <= 0.0 {
+                    continue;
+                }
+                let root = sqrt(discriminant);
+                for sign in [1.0, -1.0] {
+                    let cosine = (-g * p + sign * root * q) / norm_squared;
+                    let sine = (-g * q - sign * root * p) / norm_squared;
+                    let inside = model.footprint().corners().iter().all(|&other| {
+                        let (p, q) = coefficients(other);
+                        p * cosine + q * sine + g >= -FEASIBILITY_TOLERANCE * distance
+                    });
+                    if inside {
+                        emit(pose_at(self.view, &ray, keypoint, cosine, sine, distance));
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! What is known of an object: its 2D box, its outline on the ground, its keypoints and their variation.
+
+use crate::error::{Got, InputError, require};
+
+/// Most modes of shape variation a model may have.
+pub const MAX_MODES: usize = 16;
+/// Most corners a footprint may have.
+pub const MAX_CORNERS: usize = 16;
+
+/// A 2D box in pixels. A side that is NaN is not known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bbox {
+    /// Left side, column.
+    pub left: f64,
+    /// Top side, row.
+    pub top: f64,
+    /// Right side, column.
+    pub right: f64,
+    /// Bottom side, row.
+    pub bottom: f64,
+}
+
+impl Bbox {
+    /// A box from `left, top, right, bottom`; NaN stands for a side that is not known.
+    ///
+    /// # Errors
+    /// An infinite side, `left >= right` or `top >= bottom`.
+    pub fn new(sides: [f64; 4]) -> Result<Self, InputError> {
+        let [left, top, right, bottom] = sides;
+        for side in sides {
+            require(!side.is_infinite(), "bbox", "finite sides, or NaN for an unknown one", Got::Number(side))?;
+        }
+        require(!(left >= right), "bbox", "left < right", Got::Pair(left, right))?;
+        require(!(top >= bottom), "bbox", "top < bottom", Got::Pair(top, bottom))?;
+        Ok(Self { left, top, right, bottom })
+    }
+
+    /// The longer side in pixels, of those known (`l` of the paper, sec. 4.2.4).
+    #[must_use]
+    pub fn longer_side(&self) -> Option<f64> {
+        let longer = (self.right - self.left).max(self.bottom - self.top);
+        longer.is_finite().then_some(longer)
+    }
+}
+
+/// Convex outline of an object in the bird's-eye view: corners `[x, z]` in the object frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Footprint {
+    corners: [[f64; 2]; MAX_CORNERS],
+    count: usize,
+}
+
+impl Footprint {
+    /// An outline from its corners in either order of rotation.
+    ///
+    /// # Errors
+    /// Fewer than 3 or more than [`MAX_CORNERS`] corners, a number that is not finite, an outline
+    /// that is not strictly convex.
+    pub fn new(corners: &[[f64; 2]]) -> Result<Self, InputError> {
+        let n = corners.len();
+        require((3..=MAX_CORNERS).contains(&n), "footprint", "3 to 16 corners [x, z]", Got::Count(n))?;
+        let finite = corners.iter().flatten().all(|x| x.is_finite());
+        require(finite, "footprint", "finite numbers", Got::Text("NaN or infinite"))?;
+        let turn = |i: usize| {
+            let [a, b, c] = [corners[i], corners[(i + 1) % n], corners[(i + 2) % n]];
+            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+        };
+        let orientation = turn(0);
+        let convex = orientation != 0.0 && (0..n).all(|i| turn(i) * orientation > 0.0);
+        require(convex, "footprint", "a convex outline", Got::Text("a reflex or straight corner"))?;
+        let mut padded = [[0.0; 2]; MAX_CORNERS];
+        padded[..n].copy_from_slice(corners);
+        Ok(Self { corners: padded, count: n })
+    }
+
+    /// Corners of a 3D box, numbered as in the paper's Fig. 2: front left, front right, rear right, rear left.
+    #[must_use]
+    pub fn rectangle(bbox_3d: &[[f64; 3]; 2]) -> Self {
+        let [min, max] = *bbox_3d;
+        let mut corners = [[0.0; 2]; MAX_CORNERS];
+        corners[..4].copy_from_slice(&[
+            [min[0], max[2]],
+            [max[0], max[2]],
+            [max[0], min[2]],
+            [min[0], min[2]],
+        ]);
+        Self { corners, count: 4 }
+    }
+
+    /// The corners.
+    #[must_use]
+    pub fn corners(&self) -> &[[f64; 2]] {
+        &self.corners[..self.count]
+    }
+}
+
+/// Keypoints of an object or of a class of objects, and how they vary (active shape model, paper sec. 3.3):
+/// `X_i = mean_i + sum_j lambda_j B_ij`. Borrowed data, checked once.
+#[derive(Clone, Copy, Debug)]
+pub struct ShapeModel<'a> {
+    mean: &'a [[f64; 3]],
+    basis: &'a [[f64; 3]],
+    eigenvalues: &'a [f64],
+    bbox_3d: [[f64; 3]; 2],
+    footprint: Footprint,
+}
+
+impl<'a> ShapeModel<'a> {
+    /// A model with one known shape: keypoints and 3D box `[min, max]` in the object frame, metres.
+    ///
+    /// # Errors
+    /// No keypoints, numbers that are not finite, a box with min >= max.
+    pub fn rigid(keypoints_3d: &'a [[f64; 3]], bbox_3d: [[f64; 3]; 2]) -> Result<Self, InputError> {
+        require(!keypoints_3d.is_empty(), "keypoints_3d", "at least one keypoint", Got::Count(0))?;
+        require_finite(keypoints_3d, "keypoints_3d")?;
+        require_finite(&bbox_3d, "bbox_3d")?;
+        for axis in 0..3 {
+            let (min, max) = (bbox_3d[0][axis], bbox_3d[1][axis]);
+            require(min < max, "bbox_3d", "[min, max] with min < max on every axis", Got::Pair(min, max))?;
+        }
+        let footprint = Footprint::rectangle(&bbox_3d);
+        Ok(Self { mean: keypoints_3d, basis: &[], eigenvalues: &[], bbox_3d, footprint })
+    }
+
+    /// The same model with modes of variation: `basis[j * P + i]` moves keypoint `i` in mode `j`,
+    /// and `eigenvalues[j]` is the variance of its coefficient.
+    ///
+    /// # Errors
+    /// Lengths that do not agree, more than [`MAX_MODES`] modes, numbers that are not finite, an
+    /// eigenvalue that is not positive.
+    pub fn with_modes(mut self, basis: &'a [[f64; 3]], eigenvalues: &'a [f64]) -> Result<Self, InputError> {
+        let modes = eigenvalues.len();
+        require(modes <= MAX_MODES, "eigenvalues", "at most 16 modes", Got::Count(modes))?;
+        require(
+            basis.len() == modes * self.mean.len(),
+            "basis",
+            "one row per mode and keypoint",
+            Got::Count(basis.len()),
+        )?;
+        require_finite(basis, "basis")?;
+        for &e in eigenvalues {
+            require(e.is_finite() && e > 0.0, "eigenvalues", "positive finite numbers", Got::Number(e))?;
+        }
+        self.basis = basis;
+        self.eigenvalues = eigenvalues;
+        Ok(self)
+    }
+
+    /// A model from parts that were checked when they were first put together.
+    #[cfg(feature = "python")]
+    pub(crate) fn checked_before(
+        mean: &'a [[f64; 3]],
+        basis: &'a [[f64; 3]],
+        eigenvalues: &'a [f64],
+        bbox_3d: [[f64; 3]; 2],
+        footprint: Footprint,
+    ) -> Self {
+        Self { mean, basis, eigenvalues, bbox_3d, footprint }
+    }
+
+    /// The same model with an outline finer than the rectangle of its 3D box.
+    #[must_use]
+    pub fn with_footprint(mut self, footprint: Footprint) -> Self {
+        self.footprint = footprint;
+        self
+    }
+
+    /// Mean keypoints, metres, object frame.
+    #[must_use]
+    pub fn mean(&self) -> &'a [[f64; 3]] {
+        self.mean
+    }
+
+    /// Number of keypoints.
+    #[must_use]
+    pub fn keypoint_count(&self) -> usize {
+        self.mean.len()
+    }
+
+    /// Variances of the shape coefficients.
+    #[must_use]
+    pub fn eigenvalues(&self) -> &'a [f64] {
+        self.eigenvalues
+    }
+
+    /// Displacement of keypoint `i` in mode `j`.
+    #[inline]
+    #[must_use]
+    pub fn basis(&self, j: usize, i: usize) -> [f64; 3] {
+        self.basis[j * self.mean.len() + i]
+    }
+
+    /// 3D box `[min, max]`, metres, object frame.
+    #[must_use]
+    pub fn bbox_3d(&self) -> &[[f64; 3]; 2] {
+        &self.bbox_3d
+    }
+
+    /// Outline in the bird's-eye view.
+    #[must_use]
+    pub fn footprint(&self) -> &Footprint {
+        &self.footprint
+    }
+
+    /// Keypoint `i` of the shape with these coefficients (paper, sec. 3.3).
+    #[inline]
+    #[must_use]
+    pub fn keypoint(&self, i: usize, coefficients: &[f64]) -> [f64; 3] {
+        let mut x = self.mean[i];
+        for (j, lambda) in coefficients.iter().enumerate().take(self.eigenvalues.len()) {
+            let b = self.basis(j, i);
+            for axis in 0..3 {
+                x[axis] += lambda * b[axis];
+            }
+        }
+        x
+    }
+}
+
+fn require_finite(points: &[[f64; 3]], argument: &'static str) -> Result<(), InputError> {
+    let finite = points.iter().flatten().all(|x| x.is_finite());
+    require(finite, argument, "finite numbers", Got::Text("NaN or infinite"))
+}

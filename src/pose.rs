@@ -1,0 +1,82 @@
+//! Rigid motions `camera_from_object`.
+
+use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
+
+use crate::camera::View;
+use crate::math::{atan2, cos, norm2, sin};
+
+/// `X_camera = R X_object + t`, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Rotation.
+    pub r: Matrix3<f64>,
+    /// Translation, metres.
+    pub t: Vector3<f64>,
+}
+
+/// `R_y(yaw)` from the cosine and sine of the yaw: `R_y [0, 0, 1] = [sin, 0, cos]`.
+#[inline]
+pub(crate) fn yaw_rotation(cosine: f64, sine: f64) -> Matrix3<f64> {
+    Matrix3::new(cosine, 0.0, sine, 0.0, 1.0, 0.0, -sine, 0.0, cosine)
+}
+
+impl Pose {
+    /// The pose of an upright object: yaw about the ground's normal and a translation in the
+    /// ground frame (paper, eq. 3).
+    #[must_use]
+    pub fn upright(view: &View, yaw: f64, t_ground: Vector3<f64>) -> Self {
+        Self::from_ground(view, yaw_rotation(cos(yaw), sin(yaw)), t_ground)
+    }
+
+    #[inline]
+    pub(crate) fn from_ground(view: &View, r_ground: Matrix3<f64>, t_ground: Vector3<f64>) -> Self {
+        Self { r: view.r_camera_from_ground * r_ground, t: view.r_camera_from_ground * t_ground }
+    }
+
+    /// Angle, in the bird's-eye view, between the object's forward axis and the camera's.
+    #[must_use]
+    pub fn yaw(&self, view: &View) -> f64 {
+        let forward = view.r_camera_from_ground.tr_mul(&self.r.column(2));
+        atan2(forward[0], forward[2])
+    }
+
+    /// A point of the object in the camera frame.
+    #[must_use]
+    pub fn transform(&self, point: [f64; 3]) -> Vector3<f64> {
+        self.r * Vector3::from(point) + self.t
+    }
+
+    /// The pose moved by a rotation vector (on the left, radians) and a translation (metres).
+    #[must_use]
+    pub fn perturbed(&self, step: &Vector6<f64>) -> Self {
+        let rotation = Rotation3::new(Vector3::new(step[0], step[1], step[2]));
+        Self { r: rotation * self.r, t: self.t + Vector3::new(step[3], step[4], step[5]) }
+    }
+
+    /// The same pose with the rounding errors of many updates taken out of its rotation.
+    #[must_use]
+    pub fn orthonormalized(&self) -> Self {
+        let x = self.r.column(0).normalize();
+        let y = self.r.column(1) - x * x.dot(&self.r.column(1));
+        let y = y.normalize();
+        Self { r: Matrix3::from_columns(&[x, y, x.cross(&y)]), t: self.t }
+    }
+
+    /// Whether every number is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.r.iter().chain(self.t.iter()).all(|x| x.is_finite())
+    }
+
+    /// Cosine of the angle between the forward axes of two poses.
+    #[inline]
+    pub(crate) fn forward_cosine(&self, other: &Self) -> f64 {
+        self.r.column(2).dot(&other.r.column(2))
+    }
+}
+
+/// Distance in the bird's-eye view.
+#[inline]
+pub(crate) fn ground_distance(v: &Vector3<f64>) -> f64 {
+    norm2(v.x, v.z)
+}

@@ -1,0 +1,73 @@
+//! The Python module `groundpose._core`: checks arrays, releases the GIL, maps errors. No mathematics.
+#![allow(missing_docs, reason = "documented in _core.pyi")]
+
+mod arrays;
+mod batch;
+mod classes;
+mod solvers;
+mod synthetic;
+mod threads;
+
+use pyo3::prelude::*;
+
+use crate::error::InputError;
+
+mod exception {
+    use pyo3::exceptions::PyValueError;
+
+    pyo3::create_exception!(
+        groundpose,
+        InputError,
+        PyValueError,
+        "A value the caller passed is not what the argument takes: \"argument: expected ..., got ...\"."
+    );
+}
+
+/// The one mapping of the core's errors to Python's.
+impl From<InputError> for PyErr {
+    fn from(error: InputError) -> Self {
+        exception::InputError::new_err(error.to_string())
+    }
+}
+
+/// An error of the caller's with a text made at run time.
+pub(crate) fn input_error(argument: &str, expected: &str, got: &str) -> PyErr {
+    exception::InputError::new_err(format!("{argument}: expected {expected}, got {got}"))
+}
+
+#[pymodule]
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("InputError", module.py().get_type::<exception::InputError>())?;
+    module.add_class::<classes::PyCamera>()?;
+    module.add_class::<classes::PyView>()?;
+    module.add_class::<classes::PyModel>()?;
+    module.add_class::<classes::PyOptions>()?;
+    module.add_function(wrap_pyfunction!(classes::default_options, module)?)?;
+    module.add_function(wrap_pyfunction!(batch::estimate_batch, module)?)?;
+    module.add_function(wrap_pyfunction!(solvers::solve_p1p, module)?)?;
+    module.add_function(wrap_pyfunction!(solvers::solve_p1p_height, module)?)?;
+    module.add_function(wrap_pyfunction!(solvers::solve_p3p, module)?)?;
+    module.add_function(wrap_pyfunction!(solvers::solve_up2p, module)?)?;
+    module.add_function(wrap_pyfunction!(synthetic::synthetic_scenes, module)?)?;
+    module.add_function(wrap_pyfunction!(build_info, module)?)?;
+    module.add("STATUS", crate::error::NoPose::NAMES.to_vec())?;
+    module.add("STOP_REASONS", crate::ransac::StopReason::NAMES.to_vec())?;
+    module.add("SOLVERS", crate::options::Solver::NAMES.to_vec())?;
+    Ok(())
+}
+
+/// How this module was built.
+#[pyfunction]
+fn build_info(py: Python<'_>) -> PyResult<Bound<'_, pyo3::types::PyDict>> {
+    let info = pyo3::types::PyDict::new(py);
+    info.set_item("version", env!("CARGO_PKG_VERSION"))?;
+    info.set_item("profile", if cfg!(debug_assertions) { "debug" } else { "release" })?;
+    info.set_item("target", format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS))?;
+    let features: Vec<&str> = ["avx2", "fma", "avx512f"]
+        .into_iter()
+        .zip([cfg!(target_feature = "avx2"), cfg!(target_feature = "fma"), cfg!(target_feature = "avx512f")])
+        .filter_map(|(name, on)| on.then_some(name))
+        .collect();
+    info.set_item("compiled_target_features", features)?;
+    Ok(info)
+}

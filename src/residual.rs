@@ -1,0 +1,101 @@
+//! Reprojection residuals and their Jacobian, over points laid out for vector units.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::camera::Camera;
+use crate::pose::Pose;
+
+/// Points a block holds side by side. Sums run per lane and are added in a fixed order, so the
+/// result does not depend on the width of the machine's vectors.
+pub(crate) const LANES: usize = 4;
+/// One number per point of a block.
+pub(crate) type Lanes = [f64; LANES];
+
+/// [`LANES`] points of one object. Lanes beyond the last point have weight zero.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Block {
+    /// Observed pixel relative to the principal point.
+    pub(crate) u: Lanes,
+    pub(crate) v: Lanes,
+    /// Model point of the current shape.
+    pub(crate) x: Lanes,
+    pub(crate) y: Lanes,
+    pub(crate) z: Lanes,
+    /// Weight from the keypoint's score.
+    pub(crate) weight: Lanes,
+    /// Weight in the current stage: `weight`, or zero for a point left out.
+    pub(crate) active: Lanes,
+}
+
+/// `diag(fx, fy, 1) (R X + t)`: homogeneous pixels relative to the principal point.
+#[derive(Clone, Copy)]
+pub(crate) struct Projection {
+    r: [[f64; 3]; 3],
+    t: [f64; 3],
+}
+
+impl Projection {
+    #[inline]
+    pub(crate) fn new(camera: &Camera, pose: &Pose) -> Self {
+        let scale = [camera.fx, camera.fy, 1.0];
+        let row = |i: usize| [pose.r[(i, 0)] * scale[i], pose.r[(i, 1)] * scale[i], pose.r[(i, 2)] * scale[i]];
+        Self { r: [row(0), row(1), row(2)], t: [pose.t.x * scale[0], pose.t.y * scale[1], pose.t.z] }
+    }
+
+    /// Squared reprojection errors of a block, pixels squared; infinite behind the camera.
+    #[inline(always)]
+    pub(crate) fn squared_residuals(&self, b: &Block) -> Lanes {
+        let [r0, r1, r2] = self.r;
+        let mut squared = [0.0; LANES];
+        for l in 0..LANES {
+            let depth = r2[0] * b.x[l] + r2[1] * b.y[l] + r2[2] * b.z[l] + self.t[2];
+            let inverse = 1.0 / depth;
+            let du = (r0[0] * b.x[l] + r0[1] * b.y[l] + r0[2] * b.z[l] + self.t[0]) * inverse - b.u[l];
+            let dv = (r1[0] * b.x[l] + r1[1] * b.y[l] + r1[2] * b.z[l] + self.t[1]) * inverse - b.v[l];
+            let r2 = du * du + dv * dv;
+            squared[l] = if depth > 0.0 { r2 } else { f64::INFINITY };
+        }
+        squared
+    }
+}
+
+/// Sum over lanes in a fixed order.
+#[inline(always)]
+pub(crate) fn sum(lanes: &Lanes) -> f64 {
+    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
+}
+
+/// Jacobian of one point's residual: rows `u` and `v`, by a rotation vector on the left and a translation.
+pub(crate) struct PointJacobian {
+    /// Residual (projected minus observed), pixels.
+    pub(crate) residual: [f64; 2],
+    /// `d residual / d (rotation, translation)`.
+    pub(crate) pose: [[f64; 6]; 2],
+    /// `d residual / d X_object`.
+    pub(crate) point: [[f64; 3]; 2],
+}
+
+/// Residual and Jacobian of one model point; `None` behind the camera.
+#[inline]
+pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3], pixel: [f64; 2]) -> Option<PointJacobian> {
+    let rotated: Vector3<f64> = pose.r * Vector3::from(model);
+    let p = rotated + pose.t;
+    if p.z <= 0.0 {
+        return None;
+    }
+    let inverse = 1.0 / p.z;
+    let (u, v) = (camera.fx * p.x * inverse, camera.fy * p.y * inverse);
+    // Gradients of u and v by the point in the camera frame.
+    let gradients =
+        [Vector3::new(camera.fx * inverse, 0.0, -u * inverse), Vector3::new(0.0, camera.fy * inverse, -v * inverse)];
+    let row = |g: &Vector3<f64>| {
+        let w = rotated.cross(g);
+        [w.x, w.y, w.z, g.x, g.y, g.z]
+    };
+    let to_object = |g: &Vector3<f64>, r: &Matrix3<f64>| -> [f64; 3] { r.tr_mul(g).into() };
+    Some(PointJacobian {
+        residual: [u - pixel[0], v - pixel[1]],
+        pose: [row(&gradients[0]), row(&gradients[1])],
+        point: [to_object(&gradients[0], &pose.r), to_object(&gradients[1], &pose.r)],
+    })
+}
