@@ -71,8 +71,7 @@ impl Camera {
     /// Pixel of a point of the camera frame (without distortion); `None` behind the camera.
     #[must_use]
     pub fn project(&self, point: &Vector3<f64>) -> Option<[f64; 2]> {
-        (point.z > 0.0)
-            .then(|| [self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy])
+        (point.z > 0.0).then(|| [self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy])
     }
 
     /// The pixel an ideal lens would have made of a distorted pixel.
@@ -81,7 +80,9 @@ impl Camera {
     /// pixel (beyond the radius at which the distortion model folds over).
     #[must_use]
     pub fn undistort(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
-        let Some(d) = self.distortion else { return Some(pixel) };
+        let Some(d) = self.distortion else {
+            return Some(pixel);
+        };
         let target = self.ray(pixel);
         let (mut x, mut y) = (target.x, target.y);
         for _ in 0..30 {
@@ -108,7 +109,9 @@ impl Camera {
     /// The pixel this lens makes of an ideal pixel: the inverse of [`Camera::undistort`].
     #[must_use]
     pub fn distort(&self, pixel: [f64; 2]) -> [f64; 2] {
-        let Some(d) = self.distortion else { return pixel };
+        let Some(d) = self.distortion else {
+            return pixel;
+        };
         let ray = self.ray(pixel);
         let (value, _) = distort_with_jacobian(&d, ray.x, ray.y);
         [self.fx * value[0] + self.cx, self.fy * value[1] + self.cy]

@@ -6,13 +6,13 @@ use crate::camera::View;
 use crate::error::{InputError, NoPose};
 use crate::lm::{Objective, State, cholesky, padded_modes, solve_cholesky};
 use crate::loss::Kernel;
-use crate::math::{log, sqrt, square};
+use crate::math::{sqrt, square};
 use crate::minimal::p1p::P1p;
 use crate::minimal::p1p_height::P1pHeight;
 use crate::minimal::p3p::P3p;
 use crate::minimal::up2p::Up2p;
+use crate::noise::{Noise, NoiseModel};
 use crate::object::{Bbox, MAX_MODES};
-use crate::noise::NoiseModel;
 use crate::observation::Observation;
 use crate::options::{Options, Solver};
 use crate::pose::Pose;
@@ -22,6 +22,7 @@ use crate::refine::{MAX_STAGES, Refinement, StageStatistics, refine, schedule};
 use crate::residual::{LANES, Projection};
 use crate::sampler::Stream;
 use crate::score;
+use crate::simd::VectorUnit;
 use crate::workspace::{Buffers, Workspace};
 
 /// Covariance of a pose: rotation vector on the left (camera frame, radians), then translation (metres).
@@ -75,10 +76,8 @@ pub struct Estimator {
 const SMALLEST_EXTENT: f64 = 1e-6;
 /// Distance from a line, as a share of its length, below which points are collinear.
 const COLLINEAR: f64 = 1e-6;
-/// Keypoints that do not speak for a pose because it was fitted to them: the drawn one where scores say beforehand
-/// which keypoints to believe, and two that the search chose by their agreement where nothing does.
-const FITTED_WITH_SCORES: usize = 1;
-const FITTED_WITHOUT_SCORES: usize = 3;
+/// Noise, in inlier thresholds, at which a pose is tested against chance: fixed, so that chance cannot choose it.
+const TESTED_NOISE: f64 = 0.7;
 /// Columns this close to the image border are cut by it.
 const BORDER_PX: f64 = 1.5;
 
@@ -129,6 +128,7 @@ impl Estimator {
 
 /// One object being estimated.
 struct Job<'a> {
+    unit: VectorUnit,
     options: &'a Options,
     view: &'a View,
     observation: &'a Observation<'a>,
@@ -145,8 +145,6 @@ struct Refined {
     state: State,
     stages: [StageStatistics; MAX_STAGES],
     cost: f64,
-    /// How many hypotheses had been scored when the one it came from was found.
-    rank: usize,
 }
 
 impl<'a> Job<'a> {
@@ -156,8 +154,17 @@ impl<'a> Job<'a> {
         observation: &'a Observation<'a>,
         buffers: Buffers<'a>,
     ) -> Result<Self, NoPose> {
-        let mut job =
-            Self { options, view, observation, buffers, visible_count: 0, inlier_threshold: 0.0, outlier_area: 0.0, weight_sum: 0.0 };
+        let mut job = Self {
+            unit: VectorUnit::detect(),
+            options,
+            view,
+            observation,
+            buffers,
+            visible_count: 0,
+            inlier_threshold: 0.0,
+            outlier_area: 0.0,
+            weight_sum: 0.0,
+        };
         job.gather();
         if job.visible_count < options.min_keypoints {
             return Err(NoPose::TooFewKeypoints);
@@ -306,6 +313,7 @@ impl<'a> Job<'a> {
             order.sort_unstable_by(|a, b| score(b).total_cmp(&score(a)));
         }
         let search = Search {
+            unit: self.unit,
             camera: &self.view.camera,
             blocks: &self.buffers.blocks[..n.div_ceil(LANES)],
             visible,
@@ -358,6 +366,7 @@ impl<'a> Job<'a> {
         let noise = NoiseModel { guess: 0.5 * threshold, area: self.outlier_area };
         let blocks = self.block_count();
         let objective = Objective {
+            unit: self.unit,
             view: self.view,
             model: self.observation.model(),
             visible: &self.buffers.visible[..self.visible_count],
@@ -407,10 +416,10 @@ impl<'a> Job<'a> {
             // Never a pose that explains the data worse than the hypothesis it came from.
             let initial_cost = truncated_cost(&mut objective, &initial, cut);
             if initial_cost < cost {
-                return Refined { state: initial, stages, cost: initial_cost, rank: candidate.rank };
+                return Refined { state: initial, stages, cost: initial_cost };
             }
         }
-        Refined { state, stages, cost, rank: candidate.rank }
+        Refined { state, stages, cost }
     }
 
     fn finish(
@@ -426,26 +435,25 @@ impl<'a> Job<'a> {
             return Err(NoPose::Degenerate);
         }
         let inliers = self.measure(&state);
-        let searched = ransac.hypotheses as f64;
-        let (tests, fitted) = if self.observation.has_scores() {
-            // Draws come in the order of the scores, so an early hypothesis is tested more leniently: shares in
-            // proportion to 1 / rank add up to at most one over the whole search.
-            (refined.rank as f64 * (1.0 + log(searched)), FITTED_WITH_SCORES)
-        } else {
-            (searched, FITTED_WITHOUT_SCORES)
-        };
+        let (n, has_scores) = (self.visible_count, self.observation.has_scores());
         let (objective, scratch) = self.objective(0.5 * threshold);
         let noise = objective.estimate_noise(&state.pose, scratch);
-        let squared = scratch[..objective.visible.len()].iter().enumerate();
+        let squared = scratch[..n].iter().enumerate();
         let keypoints = squared.map(|(k, &r2)| (r2, objective.weight(k)));
-        let log10_nfa = objective.noise.log10_false_alarms(noise, keypoints, tests, fitted);
+        // Scores say beforehand which keypoints to believe, and how much. Without them the share of inliers is one of
+        // as many as there are keypoints, and the pose chose one more keypoint by its agreement.
+        let searched = ransac.hypotheses as f64;
+        let (share, tests, fitted) =
+            if has_scores { (1.0, searched, 1) } else { (noise.share, searched * n as f64, 2) };
+        let tested = Noise { sigma: TESTED_NOISE * threshold, share };
+        let log10_nfa = objective.noise.log10_false_alarms(tested, keypoints, tests, fitted);
         let noise_sigma = noise.sigma;
         if inliers.count == 0 || log10_nfa > self.options.max_log10_nfa {
             return Err(NoPose::NoConsensus);
         }
         let projection = Projection::new(&self.view.camera, &state.pose);
         let blocks = &self.buffers.blocks[..self.block_count()];
-        let score = score::cost(blocks, &projection, score::Scoring::Msac, square(threshold), f64::INFINITY);
+        let score = score::cost(self.unit, blocks, &projection, score::Scoring::Msac, square(threshold), f64::INFINITY);
         let (covariance, shape_covariance) = if self.options.covariance {
             let (pose, shape) = self.covariance(&state, noise_sigma).ok_or(NoPose::Degenerate)?;
             (Some(pose), Some(shape))
@@ -542,7 +550,7 @@ fn truncated_cost(objective: &mut Objective, state: &State, threshold: f64) -> f
     }
     let projection = Projection::new(&objective.view.camera, &state.pose);
     let tau2 = square(threshold);
-    let cost = score::cost(objective.blocks, &projection, score::Scoring::Msac, tau2, f64::INFINITY);
+    let cost = score::cost(objective.unit, objective.blocks, &projection, score::Scoring::Msac, tau2, f64::INFINITY);
     0.5 * tau2 * cost + objective.prior_cost(state)
 }
 
@@ -581,5 +589,6 @@ fn is_collinear(indices: &[u32], position: impl Fn(u32) -> Vector3<f64>) -> bool
         }
     }
     let limit = square(COLLINEAR * extent2);
-    extent2 <= square(SMALLEST_EXTENT) || indices.iter().all(|&i| (position(i) - first).cross(&axis).norm_squared() <= limit)
+    extent2 <= square(SMALLEST_EXTENT)
+        || indices.iter().all(|&i| (position(i) - first).cross(&axis).norm_squared() <= limit)
 }

@@ -23,6 +23,7 @@ pub mod refine;
 mod residual;
 mod sampler;
 pub mod score;
+mod simd;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;
 pub mod workspace;

@@ -13,6 +13,7 @@ use crate::object::{MAX_MODES, ShapeModel};
 use crate::pose::Pose;
 use crate::priors::Priors;
 use crate::residual::{Block, LANES, Lanes, Projection, point_jacobian, sum};
+use crate::simd::VectorUnit;
 
 /// Pose and shape coefficients.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +31,7 @@ pub(crate) struct Normal<const D: usize> {
 
 /// Everything a cost is made of, besides the state and the kernel.
 pub(crate) struct Objective<'a> {
+    pub(crate) unit: VectorUnit,
     pub(crate) view: &'a View,
     pub(crate) model: &'a ShapeModel<'a>,
     pub(crate) visible: &'a [u32],
@@ -79,10 +81,24 @@ impl Objective<'_> {
     /// The six unknowns of the pose, [`LANES`] points at a time.
     fn add_points_pose<const D: usize>(&self, state: &State, kernel: Kernel, normal: &mut Normal<D>) {
         match kernel {
-            Kernel::LeastSquares => self.accumulate_pose(state, |r2| (0.5 * r2, 1.0), normal),
+            Kernel::LeastSquares => self.unit.run(|| {
+                self.accumulate_pose(
+                    state,
+                    #[inline(always)]
+                    |r2| (0.5 * r2, 1.0),
+                    normal,
+                )
+            }),
             Kernel::Tukey { c2 } => {
                 let inverse = 1.0 / c2;
-                self.accumulate_pose(state, |r2| tukey(r2, c2, inverse), normal);
+                self.unit.run(|| {
+                    self.accumulate_pose(
+                        state,
+                        #[inline(always)]
+                        |r2| tukey(r2, c2, inverse),
+                        normal,
+                    )
+                });
             }
             Kernel::Student { .. } => self.accumulate_pose(state, |r2| kernel.evaluate(r2), normal),
         }
@@ -260,10 +276,12 @@ impl Objective<'_> {
     /// Squared residuals of the visible keypoints, in their order.
     pub(crate) fn squared_residuals(&self, pose: &Pose, out: &mut [f64]) {
         let projection = Projection::new(&self.view.camera, pose);
-        for (block, out) in self.blocks.iter().zip(out.chunks_mut(LANES)) {
-            let squared = projection.squared_residuals(block);
-            out.copy_from_slice(&squared[..out.len()]);
-        }
+        self.unit.run(|| {
+            for (block, out) in self.blocks.iter().zip(out.chunks_mut(LANES)) {
+                let squared = projection.squared_residuals(block);
+                out.copy_from_slice(&squared[..out.len()]);
+            }
+        });
     }
 }
 

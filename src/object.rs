@@ -78,12 +78,7 @@ impl Footprint {
     pub fn rectangle(bbox_3d: &[[f64; 3]; 2]) -> Self {
         let [min, max] = *bbox_3d;
         let mut corners = [[0.0; 2]; MAX_CORNERS];
-        corners[..4].copy_from_slice(&[
-            [min[0], max[2]],
-            [max[0], max[2]],
-            [max[0], min[2]],
-            [min[0], min[2]],
-        ]);
+        corners[..4].copy_from_slice(&[[min[0], max[2]], [max[0], max[2]], [max[0], min[2]], [min[0], min[2]]]);
         Self { corners, count: 4 }
     }
 

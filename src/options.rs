@@ -53,7 +53,7 @@ pub struct Options {
     /// Gaussian prior on shape coefficients. `None`: in the default refinement, not in the paper's.
     pub shape_prior: Option<bool>,
     /// Standard deviation, pixels, of the sides of the 2D box against the projected 3D box; infinite: the box only
-    /// makes hypotheses. `None`: 1.5 times the inlier threshold in the default refinement and infinite in the paper's.
+    /// makes hypotheses. `None`: 2 times the inlier threshold in the default refinement and infinite in the paper's.
     pub bbox_sigma: Option<f64>,
     /// Whether to compute the covariance.
     pub covariance: bool,
@@ -74,7 +74,7 @@ pub struct Options {
 const DEFAULT_TILT_SIGMA_DEG: f64 = 1.5;
 
 /// Standard deviation of the box sides in the default refinement, in inlier thresholds.
-const RELATIVE_BBOX_SIGMA: f64 = 1.5;
+const RELATIVE_BBOX_SIGMA: f64 = 2.0;
 
 impl Default for Options {
     fn default() -> Self {
@@ -93,7 +93,7 @@ impl Default for Options {
             covariance: true,
             max_iterations: 10_000,
             min_keypoints: 4,
-            max_log10_nfa: 1.2,
+            max_log10_nfa: 2.0,
             score_weights: true,
             seed: 0,
         }

@@ -41,8 +41,7 @@ impl Objective<'_> {
 
     /// Cost of the priors alone.
     pub(crate) fn prior_cost(&self, state: &State) -> f64 {
-        let mut normal =
-            Normal { h: [[0.0; 6 + MAX_MODES]; 6 + MAX_MODES], gradient: [0.0; 6 + MAX_MODES], cost: 0.0 };
+        let mut normal = Normal { h: [[0.0; 6 + MAX_MODES]; 6 + MAX_MODES], gradient: [0.0; 6 + MAX_MODES], cost: 0.0 };
         self.add_priors(state, &mut normal);
         normal.cost
     }

@@ -7,6 +7,7 @@ use crate::pose::Pose;
 use crate::residual::{Block, Projection};
 use crate::sampler::Stream;
 use crate::score::{Scoring, cost, inlier_count};
+use crate::simd::VectorUnit;
 
 /// Hypotheses kept for refinement.
 pub(crate) const MAX_CANDIDATES: usize = 4;
@@ -51,8 +52,6 @@ pub struct RansacStatistics {
 pub(crate) struct Candidate {
     pub(crate) cost: f64,
     pub(crate) pose: Pose,
-    /// How many hypotheses had been scored when it came, itself included.
-    pub(crate) rank: usize,
 }
 
 /// The best hypotheses of different directions, best first.
@@ -101,6 +100,7 @@ impl Candidates {
 
 /// One search over one object's points.
 pub(crate) struct Search<'a> {
+    pub(crate) unit: VectorUnit,
     pub(crate) camera: &'a Camera,
     pub(crate) blocks: &'a [Block],
     /// Index in the model of every visible keypoint.
@@ -203,8 +203,8 @@ impl<'a, 'b> Run<'a, 'b> {
         let s = self.search;
         let tau2 = s.inlier_threshold * s.inlier_threshold;
         let projection = Projection::new(s.camera, &pose);
-        let cost = cost(s.blocks, &projection, s.scoring, tau2, self.candidates.bound());
-        if cost.is_finite() && self.candidates.offer(Candidate { cost, pose, rank: self.hypotheses }) {
+        let cost = cost(s.unit, s.blocks, &projection, s.scoring, tau2, self.candidates.bound());
+        if cost.is_finite() && self.candidates.offer(Candidate { cost, pose }) {
             self.inliers = inlier_count(s.blocks, &projection, tau2);
         }
     }

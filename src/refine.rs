@@ -33,8 +33,9 @@ pub(crate) enum StageKernel {
     MadTukey { lowest: f64, highest: f64 },
     /// Tukey with a fixed scale `c` in pixels.
     FixedTukey { c: f64 },
-    /// Tukey with `c` this multiple of the noise estimated at the start of the stage; priors are weighed against it.
-    NoiseTukey { multiple: f64 },
+    /// Tukey with the scale that suits the noise and the outliers found at the start of the stage; priors are weighed
+    /// against that noise.
+    NoiseTukey,
 }
 
 /// One stage.
@@ -71,7 +72,8 @@ const SMALLEST_SCALE: f64 = 1e-9;
 
 /// The schedule of a refinement for an inlier threshold in pixels and `tau_1, tau_2, tau_3` as its multiples.
 pub(crate) fn schedule(refinement: Refinement, threshold: f64, hre_thresholds: [f64; 3]) -> Schedule {
-    let stage = |kernel, joint, max_iterations| Some(Stage { kernel, joint, bbox: true, max_iterations, tolerance: 1e-8 });
+    let stage =
+        |kernel, joint, max_iterations| Some(Stage { kernel, joint, bbox: true, max_iterations, tolerance: 1e-8 });
     let [tau1, tau2, tau3] = hre_thresholds.map(|m| m * threshold);
     match refinement {
         Refinement::None => [None; MAX_STAGES],
@@ -87,9 +89,13 @@ pub(crate) fn schedule(refinement: Refinement, threshold: f64, hre_thresholds: [
         ],
         Refinement::Default => {
             let wide = StageKernel::FixedTukey { c: 5.0 * threshold };
-            let fitting = StageKernel::NoiseTukey { multiple: 5.0 };
-            let polish = Stage { kernel: fitting, joint: true, bbox: true, max_iterations: 25, tolerance: 1e-5 };
-            [Some(Stage { kernel: wide, joint: false, bbox: false, max_iterations: 6, tolerance: 1e-2 }), Some(polish), None]
+            let polish =
+                Stage { kernel: StageKernel::NoiseTukey, joint: true, bbox: true, max_iterations: 25, tolerance: 1e-5 };
+            [
+                Some(Stage { kernel: wide, joint: false, bbox: false, max_iterations: 6, tolerance: 1e-2 }),
+                Some(polish),
+                None,
+            ]
         }
     }
 }
@@ -118,14 +124,16 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
     let selected = if let StageKernel::Inliers { tau } = stage.kernel { tau } else { f64::INFINITY };
     objective.activate_within(&state.pose, selected);
     objective.priors.use_bbox = stage.bbox;
-    if let StageKernel::NoiseTukey { .. } = stage.kernel {
-        objective.priors.noise_sigma = objective.estimate_noise(&state.pose, scratch).sigma;
+    let mut noise_scale = f64::NAN;
+    if let StageKernel::NoiseTukey = stage.kernel {
+        let noise = objective.estimate_noise(&state.pose, scratch);
+        objective.priors.noise_sigma = noise.sigma;
+        noise_scale = objective.noise.tukey_scale(noise);
     }
-    let noise_sigma = objective.priors.noise_sigma;
     let kernel_at = |objective: &Objective, state: &State| match stage.kernel {
         StageKernel::Inliers { .. } => Kernel::LeastSquares,
         StageKernel::FixedTukey { c } => Kernel::Tukey { c2: square(c) },
-        StageKernel::NoiseTukey { multiple } => Kernel::Tukey { c2: square(multiple * noise_sigma) },
+        StageKernel::NoiseTukey => Kernel::Tukey { c2: square(noise_scale) },
         StageKernel::MadTukey { lowest, highest } => {
             let scale = mad_scale(objective, &state.pose, scratch).clamp(lowest, highest);
             Kernel::Tukey { c2: square(TUKEY_EFFICIENCY * scale) }

@@ -1,6 +1,7 @@
 //! Scores of hypotheses: the loop over hypotheses x points, left as soon as a hypothesis cannot win.
 
 use crate::residual::{Block, LANES, Projection, sum};
+use crate::simd::VectorUnit;
 
 /// How a hypothesis is scored. Lower is better; both are at most the sum of the weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,12 +17,35 @@ const BLOCKS_PER_CHECK: usize = 8;
 
 /// Weighted cost of a hypothesis with threshold `tau2` (squared pixels), or infinity once it reaches `bound`.
 #[inline]
-pub(crate) fn cost(blocks: &[Block], projection: &Projection, scoring: Scoring, tau2: f64, bound: f64) -> f64 {
+pub(crate) fn cost(
+    unit: VectorUnit,
+    blocks: &[Block],
+    projection: &Projection,
+    scoring: Scoring,
+    tau2: f64,
+    bound: f64,
+) -> f64 {
     let inverse = 1.0 / tau2;
     match scoring {
         // A residual that is not a number compares false and costs one.
-        Scoring::Msac => accumulate(blocks, projection, bound, |r2| if r2 < tau2 { r2 * inverse } else { 1.0 }),
-        Scoring::Inliers => accumulate(blocks, projection, bound, |r2| if r2 <= tau2 { 0.0 } else { 1.0 }),
+        Scoring::Msac => unit.run(|| {
+            accumulate(
+                blocks,
+                projection,
+                bound,
+                #[inline(always)]
+                |r2| if r2 < tau2 { r2 * inverse } else { 1.0 },
+            )
+        }),
+        Scoring::Inliers => unit.run(|| {
+            accumulate(
+                blocks,
+                projection,
+                bound,
+                #[inline(always)]
+                |r2| if r2 <= tau2 { 0.0 } else { 1.0 },
+            )
+        }),
     }
 }
 

@@ -122,14 +122,7 @@ impl Protocol {
             Kind::Cube => (800.0, 640.0, 480.0),
             Kind::Vehicle => (1000.0, 1914.0, 1080.0),
         };
-        Camera {
-            fx: f,
-            fy: f,
-            cx: 0.5 * width,
-            cy: 0.5 * height,
-            distortion: None,
-            image_size: Some([width, height]),
-        }
+        Camera { fx: f, fy: f, cx: 0.5 * width, cy: 0.5 * height, distortion: None, image_size: Some([width, height]) }
     }
 
     /// 3D box of the object.
@@ -211,9 +204,13 @@ impl Protocol {
                 }
             };
             let yaw = core::f64::consts::PI * (2.0 * random.uniform() - 1.0);
-            let Ok(view) = View::new(*camera, Tilt { pitch, roll: 0.0 }) else { continue };
+            let Ok(view) = View::new(*camera, Tilt { pitch, roll: 0.0 }) else {
+                continue;
+            };
             let pose = Pose::upright(&view, yaw, centre);
-            let Some(bbox) = projected_bbox(camera, &pose, &self.bbox_3d()) else { continue };
+            let Some(bbox) = projected_bbox(camera, &pose, &self.bbox_3d()) else {
+                continue;
+            };
             let inside = bbox[0] >= 0.0 && bbox[1] >= 0.0 && bbox[2] < width && bbox[3] < height;
             if inside || self.kind == Kind::Cube {
                 return (pose, pitch, bbox);

@@ -65,24 +65,23 @@ def demo(
 
 @app.command()
 def bench(
-    objects: Annotated[int, typer.Option(min=1, help="Objects in one call of the speed test.")] = 1000,
-    trials: Annotated[int, typer.Option(min=1, help="Scenes a method is given for errors and time.")] = 200,
+    objects: Annotated[int, typer.Option(min=1, help="Objects of one batch.")] = 20,
+    trials: Annotated[int, typer.Option(min=1, help="Batches a method is timed on.")] = 10,
     threads: Annotated[int, typer.Option(min=1, help="Threads of our batch call.")] = 1,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Write the numbers as JSON.")] = None,
 ) -> None:
-    """Our time and errors beside the pose libraries that are installed (PoseLib, OpenCV, pycolmap).
+    """Our time beside that of the pose libraries that are installed.
 
     [bold]Examples[/bold]
 
       groundpose bench
 
-      groundpose bench --trials 1000 --threads 2 -o bench.json
+      groundpose bench --trials 100 --threads 2 -o bench.json
     """
     from groundpose.evaluate.bench import run
 
     with mistakes():
-        table, _ = run(objects=objects, trials=trials, threads=threads, output=out)
-    console().print(table)
+        run(objects=objects, trials=trials, threads=threads, output=out)
     if out is not None:
         typer.echo(f"Numbers: {out.resolve()}")
 

@@ -1,4 +1,7 @@
-"""Pictures: poses over the image, and the bird's-eye view. matplotlib is imported when first used."""
+"""Pictures: poses over the image, and the bird's-eye view. matplotlib is imported when first used.
+
+Longer than most files here because palette, legend and both views must agree.
+"""
 
 from __future__ import annotations
 
@@ -284,10 +287,10 @@ def _frame_ground(axes: Axes, poses: PoseBatch, reach: FloatArray) -> None:
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
     for radius in np.arange(10.0, float(np.hypot(half, high[1])), 10.0):
         axes.plot(radius * np.sin(angles), radius * np.cos(angles), color=GRID, linewidth=0.8, zorder=0)
-        if radius < high[1]:
-            axes.annotate(
-                f"{radius:.0f} m", (0.0, radius), fontsize=8, color=MISSING, ha="center", va="bottom"
-            )
+        beside = -0.72 * half  # where no vehicle's number is likely
+        if abs(beside) < radius < high[1]:
+            at = (beside, float(np.sqrt(radius**2 - beside**2)))
+            axes.annotate(f"{radius:.0f} m", at, fontsize=8, color=MISSING, ha="center", va="bottom")
     camera = poses.view.camera
     if camera.image_size is not None:
         for column in (0.0, float(camera.image_size[0])):

@@ -63,8 +63,8 @@ class PoseBatch:
     """The poses of the N objects of one image, in the order given.
 
     An object without an answer has a status other than "ok", NaN numbers and no inliers. P is the
-    largest number of keypoints of a model here, M that of modes; rows beyond an object's own are
-    NaN (False in the mask).
+    largest number of keypoints of a model here, M that of modes; beyond an object's own there is
+    NaN for keypoints (False in the mask) and 0 for modes.
 
     Attributes:
         view: camera and tilt the poses belong to.

@@ -131,9 +131,10 @@ impl<'a> P1p<'a> {
             let plane = &self.planes[k];
             let at_keypoint = distance * plane.dot(ray) + plane.y * (self.touching_y[k] - keypoint[1]);
             let (along, across) = (plane.x * cosine - plane.z * sine, plane.x * sine + plane.z * cosine);
-            self.footprint.corners().iter().all(|&[x, z]| {
-                at_keypoint + along * (x - keypoint[0]) + across * (z - keypoint[2]) >= tolerance
-            })
+            self.footprint
+                .corners()
+                .iter()
+                .all(|&[x, z]| at_keypoint + along * (x - keypoint[0]) + across * (z - keypoint[2]) >= tolerance)
         })
     }
 }

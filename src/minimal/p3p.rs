@@ -70,7 +70,9 @@ impl Depths {
                 jacobian[(k, i)] = 2.0 * (d[i] - d[j] * c);
                 jacobian[(k, j)] = 2.0 * (d[j] - d[i] * c);
             }
-            let Some(inverse) = jacobian.try_inverse() else { break };
+            let Some(inverse) = jacobian.try_inverse() else {
+                break;
+            };
             let step = inverse * f;
             if step.norm_squared() > 0.01 * d.norm_squared() {
                 break;
@@ -95,11 +97,15 @@ pub(crate) fn solve_p3p(points: [Vector3<f64>; 3], rays: [Vector3<f64>; 3], emit
     let (q12, q13, q23) = (depths.form(0), depths.form(1), depths.form(2));
     let c1 = q12 - q23 * (a12 / a23);
     let c2 = q13 - q23 * (a13 / a23);
-    let Some(lines) = best_line_pair(&c1, &c2) else { return };
+    let Some(lines) = best_line_pair(&c1, &c2) else {
+        return;
+    };
 
     let edges = [points[1] - points[0], points[2] - points[0]];
     let model_frame = Matrix3::from_columns(&[edges[0], edges[1], edges[0].cross(&edges[1])]);
-    let Some(inverse_model_frame) = model_frame.try_inverse() else { return };
+    let Some(inverse_model_frame) = model_frame.try_inverse() else {
+        return;
+    };
     for line in lines {
         for direction in line_meets_conic(&line, &c1) {
             let sign = copysign(1.0, direction.x + direction.y + direction.z);
@@ -122,8 +128,7 @@ pub(crate) fn solve_p3p(points: [Vector3<f64>; 3], rays: [Vector3<f64>; 3], emit
 
 /// The two lines of the best degenerate conic `c1 + gamma c2` whose lines are real.
 fn best_line_pair(c1: &Matrix3<f64>, c2: &Matrix3<f64>) -> Option<[Vector3<f64>; 2]> {
-    let cubic =
-        [c2.determinant(), (adjugate(c2) * c1).trace(), (adjugate(c1) * c2).trace(), c1.determinant()];
+    let cubic = [c2.determinant(), (adjugate(c2) * c1).trace(), (adjugate(c1) * c2).trace(), c1.determinant()];
     let mut best: Option<(f64, Matrix3<f64>, Vector3<f64>)> = None;
     for (alpha, beta) in homogeneous_cubic_roots(cubic).into_iter().flatten() {
         // det(beta c1 + alpha c2) = 0

@@ -32,12 +32,7 @@ impl<'a> Up2p<'a> {
 }
 
 /// Poses from two model points and their rays in the ground frame, of length one in the bird's-eye view.
-pub(crate) fn solve_up2p(
-    view: &View,
-    points: [[f64; 3]; 2],
-    rays: [Vector3<f64>; 2],
-    emit: &mut impl FnMut(Pose),
-) {
+pub(crate) fn solve_up2p(view: &View, points: [[f64; 3]; 2], rays: [Vector3<f64>; 2], emit: &mut impl FnMut(Pose)) {
     let difference = Vector3::from(points[1]) - Vector3::from(points[0]);
     let baseline_squared = difference.x * difference.x + difference.z * difference.z;
     // The distance that is eliminated belongs to the steeper ray: a = the other, b = this.

@@ -135,11 +135,7 @@ impl PyView {
         to_matrix(py, &planes)
     }
 
-    fn project<'py>(
-        &self,
-        py: Python<'py>,
-        points: PyReadonlyArray2<'py, f64>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn project<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let pixels: Vec<[f64; 2]> = rows::<3, _>("points_camera", &points)?
             .iter()
             .map(|&p| self.0.camera.project(&p.into()).unwrap_or([f64::NAN; 2]))
@@ -272,8 +268,9 @@ impl PyOptions {
         let mut options = Options::default();
         for (key, value) in fields.into_iter().flatten() {
             let key: String = key.extract()?;
-            set_option(&mut options, &key, &value)
-                .map_err(|e| if e.is_instance_of::<PyTypeError>(value.py()) { wrong_type(&key, &value, &e) } else { e })?;
+            set_option(&mut options, &key, &value).map_err(|e| {
+                if e.is_instance_of::<PyTypeError>(value.py()) { wrong_type(&key, &value, &e) } else { e }
+            })?;
         }
         options.check()?;
         Ok(Self(options))

@@ -66,7 +66,9 @@ pub(crate) fn solve_p1p<'py>(
     let cases = match cases {
         "all" => Cases::All,
         "paper" => Cases::Paper,
-        _ => return Err(input_error("cases", "\"all\" or \"paper\"", &format!("{cases:?}"))),
+        _ => {
+            return Err(input_error("cases", "\"all\" or \"paper\"", &format!("{cases:?}")));
+        }
     };
     let bbox = self::bbox(&bbox)?;
     let mut poses = Vec::new();

@@ -52,11 +52,14 @@ pub(crate) fn synthetic_scenes<'py>(
     let width = scenes.iter().map(|s| s.keypoints_2d.len()).max().unwrap_or(0);
     let dict = PyDict::new(py);
     let padded = |values: &dyn Fn(&Scene) -> Vec<f64>, size: usize| -> Vec<f64> {
-        scenes.iter().flat_map(|s| {
-            let mut row = values(s);
-            row.resize(width * size, f64::NAN);
-            row
-        }).collect()
+        scenes
+            .iter()
+            .flat_map(|s| {
+                let mut row = values(s);
+                row.resize(width * size, f64::NAN);
+                row
+            })
+            .collect()
     };
     let keypoints_2d = padded(&|s| s.keypoints_2d.as_flattened().to_vec(), 2);
     let keypoints_3d = padded(&|s| s.keypoints_3d.as_flattened().to_vec(), 3);

@@ -3,6 +3,8 @@
 import copy
 import dataclasses
 import pickle
+import subprocess
+import sys
 
 import groundpose as gp
 import numpy as np
@@ -190,6 +192,8 @@ def test_ragged_is_padded_and_models_do_not_mix(batch, poses):
     assert mixed[1].shape_coefficients.shape == (0,)
     assert mixed[1].shape_covariance.shape == (0, 0)
     assert mixed.shape_coefficients.shape == (len(models), 2)
+    assert (mixed.shape_coefficients[others & mixed.ok] == 0.0).all()
+    assert np.isnan(mixed.residuals[::3, 17:]).all()
     check_consistency(mixed)
     assert_same(gp.estimate_poses(batch.view, batch.keypoints_2d, batch.bboxes, [MODEL] * 30), poses)
 
@@ -314,3 +318,10 @@ def test_scores_of_zero_and_nan_are_not_seen(batch):
     hidden = batch.keypoints_2d.copy()
     hidden[1, 3:5] = np.nan
     assert_same(poses, gp.estimate_poses(batch.view, hidden, batch.bboxes, MODEL, np.ones_like(scores)))
+
+
+def test_importing_the_package_loads_nothing_it_does_not_need():
+    heavy = ("matplotlib", "typer", "rich", "PIL")
+    code = f"import sys, groundpose; print([m for m in {heavy} if m in sys.modules])"
+    command = [sys.executable, "-W", "error", "-c", code]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -1,4 +1,9 @@
-"""Random garbage and damaged scenes: no panic, no hang, and no statement that is not true."""
+"""Random garbage and damaged scenes: no panic, no hang, and no statement that is not true.
+
+GROUNDPOSE_FUZZ=50000 pytest tests/python/test_fuzz.py tries 100,000 inputs.
+"""
+
+import os
 
 import groundpose as gp
 import numpy as np
@@ -6,6 +11,12 @@ from conftest import MODEL, make_batch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+
+FUZZ = settings(
+    max_examples=int(os.environ.get("GROUNDPOSE_FUZZ", "250")),
+    deadline=10_000,  # milliseconds: nothing hangs
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
 
 ODD = [
     0.0,
@@ -76,9 +87,7 @@ options = st.builds(
 )
 
 
-@settings(
-    max_examples=300, deadline=5000, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
-)
+@FUZZ
 @given(data=st.data(), model=models(), view=views(), options=options, count=st.integers(0, 3))
 def test_garbage_never_makes_a_wrong_statement(data, model, view, options, count):
     """Nothing here has an answer, yet one may be found: it must be consistent with itself."""
@@ -89,7 +98,7 @@ def test_garbage_never_makes_a_wrong_statement(data, model, view, options, count
     check_loosely(gp.estimate_poses(view, keypoints, bboxes, model, scores, options, threads=1))
 
 
-@settings(max_examples=200, deadline=5000, suppress_health_check=[HealthCheck.too_slow])
+@FUZZ
 @given(data=st.data(), seed=st.integers(0, 2**32 - 1), options=options)
 def test_damaged_scenes_never_make_a_wrong_statement(data, seed, options):
     """A true scene, damaged here and there: nearer to what finds an answer than garbage."""

@@ -87,6 +87,11 @@ def hre(hre_thresholds: tuple[float, float, float]) -> Method:
     return Method("P1P search + HRE", "all corner pairs, truncated squared error", options)
 
 
+def unrefined(solver: str) -> Method:
+    """The best hypothesis of a search as it is: what the minimal solver alone is worth."""
+    return Method(f"{solver.upper()} search, unrefined", "", without_prior(solver=solver, refinement="none"))
+
+
 def errors(scenes: Scenes, R: Array, t: Array) -> Summary:
     """Errors of one answer a trial against the truth of the scenes."""
     return summarise(rotation_error_deg(scenes.R, R), translation_error_percent(scenes.t, t))

@@ -128,7 +128,10 @@ KITTI_NOTE = (
     "14 keypoints a car from a CNN, all of them, also those with a low score; labelled 2D boxes; the CNN's "
     "mean shape stretched to the labelled size; tilt told 0; truth: labelled position and yaw. Inlier "
     "threshold 0.0375 of the longer box side unless said otherwise. Only ours takes scores; the last lines "
-    "give other libraries the threshold and the cut by score that served them best."
+    "give other libraries the threshold and the cut by score that served them best, found on these cars. "
+    "The height of the wheel centres (0.35 m) is not in the data: of many ways to stretch the shape it was "
+    "chosen because it gives PoseLib its known result (47 %). From 0.25 to 0.40 m PoseLib tuned goes from 35 "
+    "to 55 % above 15 deg; our default was at 7.4 % throughout, with medians from 1.8 to 2.2 deg."
 )
 APOLLO_NOTE = (
     "Keypoints labelled by hand (at least 8 of 66), boxes of the visible part only, tilt told 8.9 deg. The "

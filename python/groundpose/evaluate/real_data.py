@@ -30,7 +30,7 @@ APOLLO_TILT_DEG = 8.9
 APOLLO_FEWEST_KEYPOINTS = 8
 APOLLO_MODES = 5
 # The 14 keypoints of a KITTI car span headlight to tail light, roof to wheel CENTRE and (mirrors aside) the
-# width; the size in the labels spans roof to ground.
+# width; the size in the labels spans roof to ground. The radius is a choice, see the note in `real`.
 WHEEL_RADIUS_M = 0.35
 MIRRORS = ("L_SideViewMirror", "R_SideViewMirror")
 

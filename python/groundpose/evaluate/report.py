@@ -123,6 +123,8 @@ def _solver(content: dict[str, Any]) -> list[str]:
         for lines in (row["details"], row["times"]):
             if lines:
                 parts += [f"### {row['measure']}", f"`{row['command']}`", table(lines)]
+        if row["note"]:
+            parts.append(row["note"])
     return parts
 
 

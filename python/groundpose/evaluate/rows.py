@@ -59,6 +59,8 @@ class Result:
     """Like details, but numbers that differ from run to run and machine to machine."""
     missing: str = ""
     """Why nothing was measured."""
+    note: str = ""
+    """What a reader of the details must know not to misread them."""
 
 
 def to_json(identifier: str, measure: str, result: Result, command: str) -> dict[str, Any]:
@@ -80,6 +82,7 @@ def to_json(identifier: str, measure: str, result: Result, command: str) -> dict
             }
             for c in result.checks
         ],
+        "note": result.note,
         "details": result.details,
         "times": result.times,
     }

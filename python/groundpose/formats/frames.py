@@ -272,8 +272,9 @@ def _truth(field: Field) -> tuple[FloatArray, FloatArray]:
 # What is written of a pose, in this order, after the object's id and model.
 _RECORD = (
     *("status", "R", "t", "yaw", "inlier_count", "inlier_mask", "inlier_threshold", "residuals"),
-    *("reprojection_rmse", "noise_sigma", "score", "log10_nfa", "covariance", "shape_coefficients", "shape_covariance"),
-    *("ambiguity", "confidence", "solver", "iterations", "hypotheses", "stop_reason"),
+    *("reprojection_rmse", "noise_sigma", "score", "log10_nfa", "ambiguity", "confidence"),
+    *("covariance", "shape_coefficients", "shape_covariance"),
+    *("solver", "iterations", "hypotheses", "stop_reason"),
 )
 
 
