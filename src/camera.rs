@@ -103,7 +103,7 @@ impl Camera {
         }
         let (value, _) = distort_with_jacobian(&d, x, y);
         let error = norm2(value[0] - target.x, value[1] - target.y);
-        (error < 1e-9).then(|| [self.fx * x + self.cx, self.fy * y + self.cy])
+        (error < 1e-9).then_some([self.fx * x + self.cx, self.fy * y + self.cy])
     }
 
     /// The pixel this lens makes of an ideal pixel: the inverse of [`Camera::undistort`].

@@ -4,6 +4,7 @@ use nalgebra::{SMatrix, Vector3};
 
 use crate::camera::View;
 use crate::error::{InputError, NoPose};
+use crate::lanes::LANES;
 use crate::lm::{Objective, State, cholesky, padded_modes, solve_cholesky};
 use crate::loss::Kernel;
 use crate::math::{sqrt, square};
@@ -19,7 +20,7 @@ use crate::pose::Pose;
 use crate::priors::Priors;
 use crate::ransac::{Candidate, Candidates, RansacStatistics, Search};
 use crate::refine::{MAX_STAGES, Refinement, StageStatistics, refine, schedule};
-use crate::residual::{LANES, Projection};
+use crate::residual::Projection;
 use crate::sampler::Stream;
 use crate::score;
 use crate::simd::VectorUnit;
@@ -187,9 +188,9 @@ impl<'a> Job<'a> {
             let [x, y, z] = observation.model().mean()[i];
             let weight = if self.options.score_weights { observation.score(i) / highest } else { 1.0 };
             let (block, lane) = (&mut self.buffers.blocks[n / LANES], n % LANES);
-            (block.u[lane], block.v[lane]) = (u - camera.cx, v - camera.cy);
-            (block.x[lane], block.y[lane], block.z[lane]) = (x, y, z);
-            block.weight[lane] = weight;
+            (block.u.0[lane], block.v.0[lane]) = (u - camera.cx, v - camera.cy);
+            (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = (x, y, z);
+            block.weight.0[lane] = weight;
             self.weight_sum += weight;
             self.buffers.visible[n] = i as u32;
             n += 1;
@@ -198,9 +199,9 @@ impl<'a> Job<'a> {
             // An empty lane repeats the first point with weight zero, so that it is never singular.
             let first = self.buffers.blocks[0];
             let (block, lane) = (&mut self.buffers.blocks[k / LANES], k % LANES);
-            (block.u[lane], block.v[lane]) = (first.u[0], first.v[0]);
-            (block.x[lane], block.y[lane], block.z[lane]) = (first.x[0], first.y[0], first.z[0]);
-            block.weight[lane] = 0.0;
+            (block.u.0[lane], block.v.0[lane]) = (first.u.0[0], first.v.0[0]);
+            (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = (first.x.0[0], first.y.0[0], first.z.0[0]);
+            block.weight.0[lane] = 0.0;
         }
         self.visible_count = n;
     }
@@ -435,16 +436,16 @@ impl<'a> Job<'a> {
             return Err(NoPose::Degenerate);
         }
         let inliers = self.measure(&state);
-        let (n, has_scores) = (self.visible_count, self.observation.has_scores());
+        let (n, weight_sum, has_scores) = (self.visible_count, self.weight_sum, self.observation.has_scores());
         let (objective, scratch) = self.objective(0.5 * threshold);
         let noise = objective.estimate_noise(&state.pose, scratch);
         let squared = scratch[..n].iter().enumerate();
         let keypoints = squared.map(|(k, &r2)| (r2, objective.weight(k)));
-        // Scores say beforehand which keypoints to believe, and how much. Without them the share of inliers is one of
-        // as many as there are keypoints, and the pose chose one more keypoint by its agreement.
+        // Scores say beforehand which keypoints to believe, and so which hypotheses count. Without them the share of
+        // inliers is one of as many as there are keypoints, and the pose chose one more keypoint by its agreement.
         let searched = ransac.hypotheses as f64;
         let (share, tests, fitted) =
-            if has_scores { (1.0, searched, 1) } else { (noise.share, searched * n as f64, 2) };
+            if has_scores { (1.0, searched * weight_sum / n as f64, 1) } else { (noise.share, searched * n as f64, 2) };
         let tested = Noise { sigma: TESTED_NOISE * threshold, share };
         let log10_nfa = objective.noise.log10_false_alarms(tested, keypoints, tests, fitted);
         let noise_sigma = noise.sigma;
@@ -509,7 +510,6 @@ impl<'a> Job<'a> {
         match padded_modes(objective.model.eigenvalues().len()) {
             0 => inverse_normal::<6>(&objective, state, noise_sigma),
             5 => inverse_normal::<11>(&objective, state, noise_sigma),
-            10 => inverse_normal::<16>(&objective, state, noise_sigma),
             _ => inverse_normal::<{ 6 + MAX_MODES }>(&objective, state, noise_sigma),
         }
     }

@@ -5,14 +5,15 @@
 
 use nalgebra::Vector6;
 
-use crate::camera::View;
-use crate::loss::{Kernel, tukey};
+use crate::camera::{Camera, View};
+use crate::lanes::{LANES, Lanes};
+use crate::loss::{Kernel, tukey_lanes};
 use crate::math::square;
 use crate::noise::{Noise, NoiseModel};
 use crate::object::{MAX_MODES, ShapeModel};
 use crate::pose::Pose;
 use crate::priors::Priors;
-use crate::residual::{Block, LANES, Lanes, Projection, point_jacobian, sum};
+use crate::residual::{Block, Projection, point_jacobian};
 use crate::simd::VectorUnit;
 
 /// Pose and shape coefficients.
@@ -40,10 +41,82 @@ pub(crate) struct Objective<'a> {
     pub(crate) noise: NoiseModel,
 }
 
+/// Sums over points, lane by lane.
+#[derive(Default)]
+struct PoseSums {
+    cost: Lanes,
+    gradient: [Lanes; 6],
+    /// Upper triangle, row by row.
+    h: [Lanes; 21],
+}
+
+/// Cost, gradient and normal equations of the pose over blocks of points.
+#[inline(always)]
+fn accumulate_pose(
+    blocks: &[Block],
+    camera: &Camera,
+    r: [[f64; 3]; 3],
+    t: [f64; 3],
+    evaluate: impl Fn(Lanes) -> (Lanes, Lanes),
+) -> PoseSums {
+    let mut sums = PoseSums::default();
+    for block in blocks {
+        let row = |i: usize| block.x * r[i][0] + block.y * r[i][1] + block.z * r[i][2];
+        let (px, py, pz) = (row(0), row(1), row(2));
+        let depth = pz + Lanes::splat(t[2]);
+        // A point behind the camera has no weight; its Jacobian must stay finite.
+        let inverse = depth.reciprocal().where_positive(depth, 0.0);
+        // Gradients by the point in the camera frame: (a, 0, b) of u and (0, d, e) of v.
+        let (a, d) = (inverse * camera.fx, inverse * camera.fy);
+        let (u, v) = ((px + Lanes::splat(t[0])) * a, (py + Lanes::splat(t[1])) * d);
+        let zero = Lanes::default();
+        let (b, e) = (zero - u * inverse, zero - v * inverse);
+        let (du, dv) = (u - block.u, v - block.v);
+        let r2 = (du * du + dv * dv).where_positive(depth, f64::INFINITY);
+        let (rho, weight) = evaluate(r2);
+        sums.cost += (rho * block.active).where_positive(block.active, 0.0);
+        let w = (weight * block.active).where_positive(depth, 0.0);
+        // Rows of the Jacobian: rotation (P x gradient), then translation without its zeros.
+        let ju = [py * b, pz * a - px * b, zero - py * a];
+        let jv = [py * e - pz * d, zero - px * e, px * d];
+        let (wu, wv) = (ju.map(|j| w * j), jv.map(|j| w * j));
+        let (wa, wb, wd, we) = (w * a, w * b, w * d, w * e);
+        for k in 0..3 {
+            sums.gradient[k] += wu[k] * du + wv[k] * dv;
+        }
+        sums.gradient[3] += wa * du;
+        sums.gradient[4] += wd * dv;
+        sums.gradient[5] += wb * du + we * dv;
+        let h = &mut sums.h;
+        h[0] += wu[0] * ju[0] + wv[0] * jv[0];
+        h[1] += wu[0] * ju[1] + wv[0] * jv[1];
+        h[2] += wu[0] * ju[2] + wv[0] * jv[2];
+        h[3] += wu[0] * a;
+        h[4] += wv[0] * d;
+        h[5] += wu[0] * b + wv[0] * e;
+        h[6] += wu[1] * ju[1] + wv[1] * jv[1];
+        h[7] += wu[1] * ju[2] + wv[1] * jv[2];
+        h[8] += wu[1] * a;
+        h[9] += wv[1] * d;
+        h[10] += wu[1] * b + wv[1] * e;
+        h[11] += wu[2] * ju[2] + wv[2] * jv[2];
+        h[12] += wu[2] * a;
+        h[13] += wv[2] * d;
+        h[14] += wu[2] * b + wv[2] * e;
+        h[15] += wa * a;
+        // h[16], between the translations along x and y, is zero
+        h[17] += wa * b;
+        h[18] += wd * d;
+        h[19] += wd * e;
+        h[20] += wb * b + we * e;
+    }
+    sums
+}
+
 /// Size of the unknowns for a number of modes: few sizes, so that few copies of the code exist. Modes a model
 /// does not have get a zero Jacobian and stay zero.
 pub(crate) fn padded_modes(modes: usize) -> usize {
-    [0, 5, 10].into_iter().find(|&m| modes <= m).unwrap_or(MAX_MODES)
+    [0, 5].into_iter().find(|&m| modes <= m).unwrap_or(MAX_MODES)
 }
 
 /// Limits of the damping factor.
@@ -57,7 +130,7 @@ impl Objective<'_> {
         for (k, &i) in self.visible.iter().enumerate() {
             let [x, y, z] = self.model.keypoint(i as usize, coefficients);
             let (block, lane) = (&mut self.blocks[k / LANES], k % LANES);
-            (block.x[lane], block.y[lane], block.z[lane]) = (x, y, z);
+            (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = (x, y, z);
         }
     }
 
@@ -80,96 +153,32 @@ impl Objective<'_> {
 
     /// The six unknowns of the pose, [`LANES`] points at a time.
     fn add_points_pose<const D: usize>(&self, state: &State, kernel: Kernel, normal: &mut Normal<D>) {
-        match kernel {
-            Kernel::LeastSquares => self.unit.run(|| {
-                self.accumulate_pose(
-                    state,
-                    #[inline(always)]
-                    |r2| (0.5 * r2, 1.0),
-                    normal,
-                )
-            }),
+        let Pose { r, t } = state.pose;
+        let camera = &self.view.camera;
+        let rows = [0, 1, 2].map(|i| [r[(i, 0)], r[(i, 1)], r[(i, 2)]]);
+        let accumulated = match kernel {
+            Kernel::LeastSquares => self.unit.run(
+                #[inline(always)]
+                || accumulate_pose(self.blocks, camera, rows, t.into(), |r2| (r2 * 0.5, Lanes::splat(1.0))),
+            ),
             Kernel::Tukey { c2 } => {
                 let inverse = 1.0 / c2;
-                self.unit.run(|| {
-                    self.accumulate_pose(
-                        state,
-                        #[inline(always)]
-                        |r2| tukey(r2, c2, inverse),
-                        normal,
-                    )
-                });
+                self.unit.run(
+                    #[inline(always)]
+                    || accumulate_pose(self.blocks, camera, rows, t.into(), |r2| tukey_lanes(r2, c2, inverse)),
+                )
             }
-            Kernel::Student { .. } => self.accumulate_pose(state, |r2| kernel.evaluate(r2), normal),
-        }
-    }
-
-    #[inline(always)]
-    fn accumulate_pose<const D: usize>(
-        &self,
-        state: &State,
-        evaluate: impl Fn(f64) -> (f64, f64),
-        normal: &mut Normal<D>,
-    ) {
-        let camera = &self.view.camera;
-        let (fx, fy) = (camera.fx, camera.fy);
-        let Pose { r, t } = state.pose;
-        let mut cost = [0.0; LANES];
-        let mut gradient = [[0.0; LANES]; 6];
-        let mut h = [[0.0; LANES]; 21];
-        for block in &*self.blocks {
-            let mut ju = [[0.0; LANES]; 6];
-            let mut jv = [[0.0; LANES]; 6];
-            let (mut du, mut dv, mut w): (Lanes, Lanes, Lanes) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-            for l in 0..LANES {
-                let (x, y, z) = (block.x[l], block.y[l], block.z[l]);
-                let px = r[(0, 0)] * x + r[(0, 1)] * y + r[(0, 2)] * z;
-                let py = r[(1, 0)] * x + r[(1, 1)] * y + r[(1, 2)] * z;
-                let pz = r[(2, 0)] * x + r[(2, 1)] * y + r[(2, 2)] * z;
-                let depth = pz + t.z;
-                // A point behind the camera has no weight; its Jacobian must stay finite.
-                let in_front = depth > 0.0;
-                let inverse = if in_front { 1.0 / depth } else { 0.0 };
-                let (u, v) = (fx * (px + t.x) * inverse, fy * (py + t.y) * inverse);
-                du[l] = u - block.u[l];
-                dv[l] = v - block.v[l];
-                let r2 = if in_front { du[l] * du[l] + dv[l] * dv[l] } else { f64::INFINITY };
-                let (rho, weight) = evaluate(r2);
-                let active = block.active[l];
-                cost[l] += if active > 0.0 { active * rho } else { 0.0 };
-                w[l] = if in_front { active * weight } else { 0.0 };
-                // gradients of u: (a, 0, b), of v: (0, d, e), by the point in the camera frame
-                let (a, b) = (fx * inverse, -u * inverse);
-                let (d, e) = (fy * inverse, -v * inverse);
-                let columns_u = [py * b, pz * a - px * b, -py * a, a, 0.0, b];
-                let columns_v = [py * e - pz * d, -px * e, px * d, 0.0, d, e];
-                for k in 0..6 {
-                    ju[k][l] = columns_u[k];
-                    jv[k][l] = columns_v[k];
-                }
-            }
-            let mut entry = 0;
-            for i in 0..6 {
-                let (mut wu, mut wv) = ([0.0; LANES], [0.0; LANES]);
-                for l in 0..LANES {
-                    wu[l] = w[l] * ju[i][l];
-                    wv[l] = w[l] * jv[i][l];
-                    gradient[i][l] += wu[l] * du[l] + wv[l] * dv[l];
-                }
-                for j in i..6 {
-                    for l in 0..LANES {
-                        h[entry][l] += wu[l] * ju[j][l] + wv[l] * jv[j][l];
-                    }
-                    entry += 1;
-                }
-            }
-        }
-        normal.cost = sum(&cost);
+            Kernel::Student { .. } => accumulate_pose(self.blocks, camera, rows, t.into(), |r2| {
+                let both = r2.0.map(|r2| kernel.evaluate(r2));
+                (Lanes(both.map(|b| b.0)), Lanes(both.map(|b| b.1)))
+            }),
+        };
+        normal.cost = accumulated.cost.sum();
         let mut entry = 0;
         for i in 0..6 {
-            normal.gradient[i] = sum(&gradient[i]);
+            normal.gradient[i] = accumulated.gradient[i].sum();
             for j in i..6 {
-                normal.h[i][j] = sum(&h[entry]);
+                normal.h[i][j] = accumulated.h[entry].sum();
                 entry += 1;
             }
         }
@@ -181,12 +190,12 @@ impl Objective<'_> {
         let modes = self.model.eigenvalues().len();
         for (k, &index) in self.visible.iter().enumerate() {
             let (block, lane) = (&self.blocks[k / LANES], k % LANES);
-            let active = block.active[lane];
+            let active = block.active.0[lane];
             if active == 0.0 {
                 continue;
             }
-            let model_point = [block.x[lane], block.y[lane], block.z[lane]];
-            let pixel = [block.u[lane], block.v[lane]];
+            let model_point = [block.x.0[lane], block.y.0[lane], block.z.0[lane]];
+            let pixel = [block.u.0[lane], block.v.0[lane]];
             let Some(jacobian) = point_jacobian(camera, &state.pose, model_point, pixel) else {
                 normal.cost += active * kernel.evaluate(f64::INFINITY).0;
                 continue;
@@ -279,7 +288,7 @@ impl Objective<'_> {
         self.unit.run(|| {
             for (block, out) in self.blocks.iter().zip(out.chunks_mut(LANES)) {
                 let squared = projection.squared_residuals(block);
-                out.copy_from_slice(&squared[..out.len()]);
+                out.copy_from_slice(&squared.0[..out.len()]);
             }
         });
     }
@@ -366,7 +375,7 @@ pub(crate) fn solve_cholesky<const D: usize>(l: &[[f64; D]; D], x: &mut [f64; D]
 impl Objective<'_> {
     /// Weight of the `k`-th visible keypoint.
     pub(crate) fn weight(&self, k: usize) -> f64 {
-        self.blocks[k / LANES].weight[k % LANES]
+        self.blocks[k / LANES].weight.0[k % LANES]
     }
 
     /// Noise of the keypoints, given a pose; leaves the squared residuals in `scratch`.
@@ -383,8 +392,15 @@ impl Objective<'_> {
         for block in &mut *self.blocks {
             let squared = projection.squared_residuals(block);
             for l in 0..LANES {
-                block.active[l] = if squared[l] <= tau2 { block.weight[l] } else { 0.0 };
+                block.active.0[l] = if squared.0[l] <= tau2 { block.weight.0[l] } else { 0.0 };
             }
+        }
+    }
+
+    /// Gives every point its own weight.
+    pub(crate) fn activate_all(&mut self) {
+        for block in &mut *self.blocks {
+            block.active = block.weight;
         }
     }
 }

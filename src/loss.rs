@@ -2,6 +2,8 @@
 //!
 //! All take squared residuals, so that no square root is needed, and all are `r^2 / 2` near zero.
 
+use crate::lanes::Lanes;
+
 /// A robust kernel with its scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kernel {
@@ -44,4 +46,13 @@ pub(crate) fn tukey(r2: f64, c2: f64, inverse_c2: f64) -> (f64, f64) {
     let x = if r2 < c2 { r2 * inverse_c2 } else { 1.0 };
     let y = 1.0 - x;
     (c2 / 6.0 * (1.0 - y * y * y), y * y)
+}
+
+/// [`tukey`] on many residuals.
+#[inline(always)]
+pub(crate) fn tukey_lanes(r2: Lanes, c2: f64, inverse_c2: f64) -> (Lanes, Lanes) {
+    let one = Lanes::splat(1.0);
+    let y = one - (r2 * inverse_c2).min(one);
+    let weight = y * y;
+    ((one - weight * y) * (c2 / 6.0), weight)
 }

@@ -3,7 +3,7 @@
 use crate::error::{Got, InputError, require};
 
 /// Most modes of shape variation a model may have.
-pub const MAX_MODES: usize = 16;
+pub const MAX_MODES: usize = 10;
 /// Most corners a footprint may have.
 pub const MAX_CORNERS: usize = 16;
 
@@ -125,7 +125,7 @@ impl<'a> ShapeModel<'a> {
     /// eigenvalue that is not positive.
     pub fn with_modes(mut self, basis: &'a [[f64; 3]], eigenvalues: &'a [f64]) -> Result<Self, InputError> {
         let modes = eigenvalues.len();
-        require(modes <= MAX_MODES, "eigenvalues", "at most 16 modes", Got::Count(modes))?;
+        require(modes <= MAX_MODES, "eigenvalues", "at most 10 modes", Got::Count(modes))?;
         require(
             basis.len() == modes * self.mean.len(),
             "basis",

@@ -33,7 +33,7 @@ pub struct Options {
     pub inlier_threshold: Option<f64>,
     /// Inlier threshold as a share of the longer box side (paper, sec. 4.2.4).
     pub relative_threshold: f64,
-    /// Wanted probability that some sample holds only inliers.
+    /// Wanted probability that some sample holds only inliers; the default refinement draws eight keypoints in any case.
     pub confidence: f64,
     /// Minimal solver.
     pub solver: Solver,
@@ -57,7 +57,7 @@ pub struct Options {
     pub bbox_sigma: Option<f64>,
     /// Whether to compute the covariance.
     pub covariance: bool,
-    /// Most samples of RNSC-P3P and RNSC-UP2P.
+    /// Most samples drawn.
     pub max_iterations: usize,
     /// Fewest visible keypoints of an answer.
     pub min_keypoints: usize,
@@ -93,7 +93,7 @@ impl Default for Options {
             covariance: true,
             max_iterations: 10_000,
             min_keypoints: 4,
-            max_log10_nfa: 2.0,
+            max_log10_nfa: 1.0,
             score_weights: true,
             seed: 0,
         }

@@ -205,7 +205,7 @@ impl<'a, 'b> Run<'a, 'b> {
         let projection = Projection::new(s.camera, &pose);
         let cost = cost(s.unit, s.blocks, &projection, s.scoring, tau2, self.candidates.bound());
         if cost.is_finite() && self.candidates.offer(Candidate { cost, pose }) {
-            self.inliers = inlier_count(s.blocks, &projection, tau2);
+            self.inliers = inlier_count(s.unit, s.blocks, &projection, tau2);
         }
     }
 }

@@ -121,8 +121,10 @@ pub(crate) fn refine(
 }
 
 fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, stage: &Stage) -> (f64, usize) {
-    let selected = if let StageKernel::Inliers { tau } = stage.kernel { tau } else { f64::INFINITY };
-    objective.activate_within(&state.pose, selected);
+    match stage.kernel {
+        StageKernel::Inliers { tau } => objective.activate_within(&state.pose, tau),
+        _ => objective.activate_all(),
+    }
     objective.priors.use_bbox = stage.bbox;
     let mut noise_scale = f64::NAN;
     if let StageKernel::NoiseTukey = stage.kernel {
@@ -144,7 +146,6 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
     match padded_modes(modes) {
         0 => objective.minimise::<6>(state, n, tolerance, kernel_at),
         5 => objective.minimise::<11>(state, n, tolerance, kernel_at),
-        10 => objective.minimise::<16>(state, n, tolerance, kernel_at),
         _ => objective.minimise::<{ 6 + MAX_MODES }>(state, n, tolerance, kernel_at),
     }
 }

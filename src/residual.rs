@@ -3,15 +3,10 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Camera;
+use crate::lanes::Lanes;
 use crate::pose::Pose;
 
-/// Points a block holds side by side. Sums run per lane and are added in a fixed order, so the
-/// result does not depend on the width of the machine's vectors.
-pub(crate) const LANES: usize = 4;
-/// One number per point of a block.
-pub(crate) type Lanes = [f64; LANES];
-
-/// [`LANES`] points of one object. Lanes beyond the last point have weight zero.
+/// Four points of one object, side by side. Lanes beyond the last point have weight zero.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Block {
     /// Observed pixel relative to the principal point.
@@ -25,6 +20,14 @@ pub struct Block {
     pub(crate) weight: Lanes,
     /// Weight in the current stage: `weight`, or zero for a point left out.
     pub(crate) active: Lanes,
+}
+
+impl Block {
+    /// A block without points.
+    pub(crate) const EMPTY: Self = {
+        let zero = Lanes::splat(0.0);
+        Self { u: zero, v: zero, x: zero, y: zero, z: zero, weight: zero, active: zero }
+    };
 }
 
 /// `diag(fx, fy, 1) (R X + t)`: homogeneous pixels relative to the principal point.
@@ -45,24 +48,15 @@ impl Projection {
     /// Squared reprojection errors of a block, pixels squared; infinite behind the camera.
     #[inline(always)]
     pub(crate) fn squared_residuals(&self, b: &Block) -> Lanes {
-        let [r0, r1, r2] = self.r;
-        let mut squared = [0.0; LANES];
-        for l in 0..LANES {
-            let depth = r2[0] * b.x[l] + r2[1] * b.y[l] + r2[2] * b.z[l] + self.t[2];
-            let inverse = 1.0 / depth;
-            let du = (r0[0] * b.x[l] + r0[1] * b.y[l] + r0[2] * b.z[l] + self.t[0]) * inverse - b.u[l];
-            let dv = (r1[0] * b.x[l] + r1[1] * b.y[l] + r1[2] * b.z[l] + self.t[1]) * inverse - b.v[l];
-            let r2 = du * du + dv * dv;
-            squared[l] = if depth > 0.0 { r2 } else { f64::INFINITY };
-        }
-        squared
+        let row = |i: usize| {
+            let [rx, ry, rz] = self.r[i];
+            b.x * rx + b.y * ry + b.z * rz + Lanes::splat(self.t[i])
+        };
+        let depth = row(2);
+        let inverse = depth.reciprocal();
+        let (du, dv) = (row(0) * inverse - b.u, row(1) * inverse - b.v);
+        (du * du + dv * dv).where_positive(depth, f64::INFINITY)
     }
-}
-
-/// Sum over lanes in a fixed order.
-#[inline(always)]
-pub(crate) fn sum(lanes: &Lanes) -> f64 {
-    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 }
 
 /// Jacobian of one point's residual: rows `u` and `v`, by a rotation vector on the left and a translation.

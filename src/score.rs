@@ -1,6 +1,7 @@
 //! Scores of hypotheses: the loop over hypotheses x points, left as soon as a hypothesis cannot win.
 
-use crate::residual::{Block, LANES, Projection, sum};
+use crate::lanes::Lanes;
+use crate::residual::{Block, Projection};
 use crate::simd::VectorUnit;
 
 /// How a hypothesis is scored. Lower is better; both are at most the sum of the weights.
@@ -25,55 +26,47 @@ pub(crate) fn cost(
     tau2: f64,
     bound: f64,
 ) -> f64 {
-    let inverse = 1.0 / tau2;
+    let limit = Lanes::splat(tau2);
     match scoring {
-        // A residual that is not a number compares false and costs one.
-        Scoring::Msac => unit.run(|| {
-            accumulate(
-                blocks,
-                projection,
-                bound,
-                #[inline(always)]
-                |r2| if r2 < tau2 { r2 * inverse } else { 1.0 },
-            )
-        }),
-        Scoring::Inliers => unit.run(|| {
-            accumulate(
-                blocks,
-                projection,
-                bound,
-                #[inline(always)]
-                |r2| if r2 <= tau2 { 0.0 } else { 1.0 },
-            )
-        }),
+        // A residual that is not a number costs one.
+        Scoring::Msac => unit.run(
+            #[inline(always)]
+            || accumulate(blocks, projection, bound, |r2| r2.min(limit) * (1.0 / tau2)),
+        ),
+        Scoring::Inliers => unit.run(
+            #[inline(always)]
+            || accumulate(blocks, projection, bound, |r2| Lanes::splat(1.0) - r2.at_most(limit)),
+        ),
     }
 }
 
 #[inline(always)]
-fn accumulate(blocks: &[Block], projection: &Projection, bound: f64, loss: impl Fn(f64) -> f64) -> f64 {
-    let mut total = [0.0; LANES];
+fn accumulate(blocks: &[Block], projection: &Projection, bound: f64, loss: impl Fn(Lanes) -> Lanes) -> f64 {
+    let mut total = Lanes::default();
     for group in blocks.chunks(BLOCKS_PER_CHECK) {
         for block in group {
-            let squared = projection.squared_residuals(block);
-            for l in 0..LANES {
-                total[l] += block.weight[l] * loss(squared[l]);
-            }
+            total += block.weight * loss(projection.squared_residuals(block));
         }
-        if sum(&total) >= bound {
+        if total.sum() >= bound {
             return f64::INFINITY;
         }
     }
-    sum(&total)
+    total.sum()
 }
 
 /// Number of points within the threshold.
-pub(crate) fn inlier_count(blocks: &[Block], projection: &Projection, tau2: f64) -> usize {
-    let mut count = 0;
-    for block in blocks {
-        let squared = projection.squared_residuals(block);
-        for l in 0..LANES {
-            count += usize::from(block.weight[l] > 0.0 && squared[l] <= tau2);
-        }
-    }
-    count
+pub(crate) fn inlier_count(unit: VectorUnit, blocks: &[Block], projection: &Projection, tau2: f64) -> usize {
+    let limit = Lanes::splat(tau2);
+    let count = unit.run(
+        #[inline(always)]
+        || {
+            let mut count = Lanes::default();
+            for block in blocks {
+                let squared = projection.squared_residuals(block);
+                count += squared.at_most(limit).where_positive(block.weight, 0.0);
+            }
+            count.sum()
+        },
+    );
+    count as usize
 }

@@ -1,6 +1,7 @@
 //! Memory that the caller owns and lends, so that estimating allocates nothing.
 
-use crate::residual::{Block, LANES};
+use crate::lanes::LANES;
+use crate::residual::Block;
 
 /// Buffers for one object.
 pub struct Buffers<'a> {
@@ -39,17 +40,8 @@ impl<const N: usize> FixedWorkspace<N> {
     /// An empty workspace.
     #[must_use]
     pub const fn new() -> Self {
-        const EMPTY: Block = Block {
-            u: [0.0; LANES],
-            v: [0.0; LANES],
-            x: [0.0; LANES],
-            y: [0.0; LANES],
-            z: [0.0; LANES],
-            weight: [0.0; LANES],
-            active: [0.0; LANES],
-        };
         Self {
-            blocks: [EMPTY; N],
+            blocks: [Block::EMPTY; N],
             visible: [0; N],
             order: [0; N],
             scratch: [0.0; N],

@@ -19,10 +19,11 @@ pub(crate) fn pool(threads: usize) -> PyResult<Arc<ThreadPool>> {
     let process = std::process::id();
     // A child forked while another thread held the lock must not wait for it: it makes its own pool.
     let mut kept = KEPT.try_lock().ok();
-    if let Some(Some(k)) = kept.as_deref() {
-        if k.process == process && k.threads == threads {
-            return Ok(Arc::clone(&k.pool));
-        }
+    if let Some(Some(k)) = kept.as_deref()
+        && k.process == process
+        && k.threads == threads
+    {
+        return Ok(Arc::clone(&k.pool));
     }
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads)
