@@ -26,9 +26,9 @@ const BOUNDS: [f64; 2] = [0.04, 4.0];
 const FITTED: f64 = 2.0;
 /// Rounds of expectation and maximisation; the estimate has two digits after that.
 const ROUNDS: usize = 5;
-/// Tukey's `c` in units of the residual at which inlier and outlier are as likely: the weight there is 0.37, the best
+/// Tukey's `c` in units of the residual at which inlier and outlier are as likely: the weight there is 0.24, the best
 /// compromise between few outliers (wider is better) and many (narrower).
-const TUKEY_PER_EVEN: f64 = 1.6;
+const TUKEY_PER_EVEN: f64 = 1.4;
 /// Narrowest and widest Tukey scale, in standard deviations of the noise.
 const SCALES: [f64; 2] = [3.5, 9.0];
 /// The share of inliers stays away from certainty.
