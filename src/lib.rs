@@ -86,6 +86,8 @@
 #[cfg(feature = "rayon")]
 pub mod batch;
 pub mod camera;
+mod consensus;
+pub mod covariance;
 pub mod error;
 pub mod estimate;
 mod lanes;
@@ -97,6 +99,7 @@ mod noise;
 pub mod object;
 pub mod observation;
 pub mod options;
+mod points;
 pub mod pose;
 mod priors;
 #[cfg(feature = "python")]
@@ -109,6 +112,6 @@ pub mod score;
 mod simd;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;
-#[cfg(test)]
+#[cfg(all(test, feature = "std"))]
 mod tests;
 pub mod workspace;

@@ -1,4 +1,4 @@
-//! How noisy the keypoints are, from the residuals of a pose, and whether chance explains them as well.
+//! How noisy the keypoints are, from the residuals of a pose.
 
 use crate::math::{log, sqrt, square};
 
@@ -37,12 +37,12 @@ const SHARES: [f64; 2] = [0.02, 0.98];
 /// `(1 + x / 16)^16`, for `exp(x)`: inliers with the tails of Student's t with 30 degrees of freedom, and no call of
 /// a library in the loop.
 #[inline(always)]
-fn bell_inverse(x: f64) -> f64 {
+pub(crate) fn bell_inverse(x: f64) -> f64 {
     square(square(square(square(1.0 + 0.0625 * x))))
 }
 
 /// Probability that a keypoint is an inlier, before it is looked at: in proportion to its weight.
-fn inlier_probability(share: f64, weight: f64) -> f64 {
+pub(crate) fn inlier_probability(share: f64, weight: f64) -> f64 {
     (share * weight).clamp(SHARES[0], SHARES[1])
 }
 
@@ -79,42 +79,5 @@ impl NoiseModel {
         let peak = self.area / (2.0 * core::f64::consts::PI * square(noise.sigma));
         let even = 2.0 * log((share / (1.0 - share) * peak).max(1.0));
         noise.sigma * (TUKEY_PER_EVEN * sqrt(even)).clamp(SCALES[0], SCALES[1])
-    }
-
-    /// Log10 of the expected number of poses as good as this one among `tests` hypotheses for random keypoints,
-    /// uniform in the area (number of false alarms, as in a-contrario detection).
-    ///
-    /// The likelihood ratio of the mixture against chance has expectation one under chance, so by Markov's
-    /// inequality it exceeds `x` with probability at most `1 / x`. The `fitted` keypoints of the sample that made
-    /// the pose, taken as those that speak most for it, do not count; weights say how likely a keypoint is an inlier before it is looked at.
-    pub(crate) fn log10_false_alarms(
-        &self,
-        noise: Noise,
-        keypoints: impl Iterator<Item = (f64, f64)> + Clone,
-        tests: f64,
-        fitted: usize,
-    ) -> f64 {
-        let peak = self.area / (2.0 * core::f64::consts::PI * square(noise.sigma));
-        let half_precision = 0.5 / square(noise.sigma);
-        // The largest ratios, in increasing order.
-        let mut best = [1.0; 3];
-        let (mut sum, mut product) = (0.0, 1.0);
-        for (r2, weight) in keypoints {
-            let p = inlier_probability(noise.share, weight);
-            let ratio = 1.0 - p + p * peak / bell_inverse(r2 * half_precision);
-            product *= ratio;
-            // One logarithm for many ratios, before their product leaves the range of numbers.
-            if !(1e-200..1e200).contains(&product) {
-                sum += log(product);
-                product = 1.0;
-            }
-            if ratio > best[0] {
-                best[0] = ratio;
-                best.sort_unstable_by(f64::total_cmp);
-            }
-        }
-        sum += log(product);
-        let evidence = sum - log(best[3 - fitted..].iter().product::<f64>());
-        (log(tests) - evidence) / core::f64::consts::LN_10
     }
 }

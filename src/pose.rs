@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 
 use crate::camera::View;
-use crate::math::{atan2, cos, norm2, sin};
+use crate::math::{atan2, cos, sin};
 
 /// `X_camera = R X_object + t`, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,10 +73,4 @@ impl Pose {
     pub(crate) fn forward_cosine(&self, other: &Self) -> f64 {
         self.r.column(2).dot(&other.r.column(2))
     }
-}
-
-/// Distance in the bird's-eye view.
-#[inline]
-pub(crate) fn ground_distance(v: &Vector3<f64>) -> f64 {
-    norm2(v.x, v.z)
 }

@@ -14,6 +14,11 @@ impl Stream {
         Self(Xoshiro256PlusPlus::seed_from_u64(seed ^ index.wrapping_mul(0x9E37_79B9_7F4A_7C15)))
     }
 
+    /// 64 random bits.
+    pub(crate) fn bits(&mut self) -> u64 {
+        self.0.next_u64()
+    }
+
     /// An integer below `bound`.
     #[inline]
     pub(crate) fn below(&mut self, bound: usize) -> usize {

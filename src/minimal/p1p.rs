@@ -25,7 +25,7 @@ use crate::camera::View;
 use crate::math::{norm2, sqrt};
 use crate::object::{Bbox, Footprint, ShapeModel};
 use crate::observation::Observation;
-use crate::pose::{Pose, ground_distance, yaw_rotation};
+use crate::pose::{Pose, yaw_rotation};
 
 /// Which corners may touch the sides of the 2D box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,7 +164,6 @@ pub(super) fn pose_at(
 impl MinimalSolver<1> for P1p<'_> {
     fn solve(&self, [index]: [usize; 1], emit: &mut impl FnMut(Pose)) {
         let ray = self.view.ground_ray(self.observation.keypoints_2d()[index]);
-        debug_assert!((ground_distance(&ray) - 1.0).abs() < 1e-9);
         let keypoint = self.observation.model().mean()[index];
         let mut try_case = |left: usize, right: usize| {
             for (cosine, sine, distance) in self.case(&ray, keypoint, left, right).into_iter().flatten() {

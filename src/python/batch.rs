@@ -17,6 +17,7 @@ use crate::error::NoPose;
 use crate::estimate::{Estimate, Estimator};
 use crate::object::Bbox;
 use crate::observation::Observation;
+use crate::options::Solver;
 use crate::refine::MAX_STAGES;
 use crate::workspace::{GrowingWorkspace, Workspace};
 
@@ -80,6 +81,9 @@ pub(crate) fn estimate_batch<'py>(
         thresholds: inlier_thresholds.as_ref().map(|t| flat("inlier_threshold", t)).transpose()?,
         models,
     };
+    if options.0.solver == Solver::P1pHeight && view.0.height.is_none() {
+        return Err(input_error("view", "a height, for solver \"p1p_height\"", "none"));
+    }
     let estimator = Estimator::new(options.0)?;
     let mut outputs = Outputs::new(objects, keypoints, &inputs.models);
     // One thread is the caller's own: no pool, no hand-over.

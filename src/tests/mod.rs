@@ -1,1 +1,6 @@
-//! Tests of what is private.
+//! Tests of what is private: Jacobians, kernels, and every refinement against the independent implementation.
+
+mod fixture;
+mod jacobians;
+mod kernels;
+mod refinement;

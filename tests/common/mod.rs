@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
 use groundpose::camera::{Camera, Tilt, View};
-use groundpose::error::NoPose;
+use groundpose::error::{InputError, NoPose};
 use groundpose::estimate::{Estimate, Estimator};
 use groundpose::object::{Bbox, Footprint, ShapeModel};
 use groundpose::observation::Observation;
@@ -47,24 +47,28 @@ impl Case {
     }
 
     /// Runs `f` with the checked observation of this object.
-    pub fn with_observation<R>(&self, f: impl FnOnce(&Observation) -> R) -> R {
-        let mut model = ShapeModel::rigid(&self.keypoints_3d, self.bbox_3d)
-            .and_then(|model| model.with_modes(&self.basis, &self.eigenvalues))
-            .unwrap();
+    pub fn try_with_observation<R>(&self, f: impl FnOnce(&Observation) -> R) -> Result<R, InputError> {
+        let mut model =
+            ShapeModel::rigid(&self.keypoints_3d, self.bbox_3d)?.with_modes(&self.basis, &self.eigenvalues)?;
         if let Some(corners) = &self.footprint {
-            model = model.with_footprint(Footprint::new(corners).unwrap());
+            model = model.with_footprint(Footprint::new(corners)?);
         }
-        let mut observation = Observation::new(&self.keypoints_2d, &model).unwrap();
+        let mut observation = Observation::new(&self.keypoints_2d, &model)?;
         if let Some(scores) = &self.scores {
-            observation = observation.with_scores(scores).unwrap();
+            observation = observation.with_scores(scores)?;
         }
         if let Some(bbox) = self.bbox {
-            observation = observation.with_bbox(Bbox::new(bbox).unwrap());
+            observation = observation.with_bbox(Bbox::new(bbox)?);
         }
         if let Some(threshold) = self.inlier_threshold {
-            observation = observation.with_inlier_threshold(threshold).unwrap();
+            observation = observation.with_inlier_threshold(threshold)?;
         }
-        f(&observation)
+        Ok(f(&observation))
+    }
+
+    /// The same for an object that is known to be well formed.
+    pub fn with_observation<R>(&self, f: impl FnOnce(&Observation) -> R) -> R {
+        self.try_with_observation(f).unwrap()
     }
 
     /// The estimate and its residuals.

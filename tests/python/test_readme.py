@@ -24,6 +24,14 @@ def test_readme_code_runs(tmp_path, monkeypatch):
             pytest.fail(f"block {number}: {type(error).__name__}: {error}\n\n{block}")
 
 
+def test_readme_table_is_what_was_measured():
+    from groundpose.evaluate import report
+
+    solver = report.read_json(README.parent / report.SOLVER_JSON)
+    text = README.read_text(encoding="utf-8")
+    assert report.with_headline(text, solver) == text, "run: python -m groundpose.evaluate.bars"
+
+
 def test_package_docstring_runs():
     import doctest
 

@@ -52,7 +52,7 @@ ROWS = (
     Row("e1", "E1, 10 to 70 % outliers, no priors", accuracy.e1_moderate),
     Row("e1-90", "E1, 90 % outliers, no priors", accuracy.e1_hard),
     Row("e1-tilt", "E1, tilt prior 0.1 deg", accuracy.e1_tilt_prior),
-    Row("v1", "V1, tilt prior 1.5 deg", accuracy.v1),
+    Row("v1", "V1, priors of the default and tilt prior 1.5 deg alone", accuracy.v1),
     Row("flat", "E3 to 5 deg and E4 to 5 px are flat without priors", accuracy.flatness),
     Row("flat-prior", "E3 to 5 deg is nearly flat with the default priors", accuracy.flatness_with_prior),
     Row("real", "real CNN keypoints, KITTI", real_keypoints),

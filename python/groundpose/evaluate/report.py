@@ -12,7 +12,8 @@ from typing import Any
 
 PACKAGES = ("groundpose", "numpy", "poselib", "opencv-python-headless")
 SOLVER_JSON, REAL_JSON = Path("results/solver.json"), Path("results/real.json")
-PAGE = Path("docs/results.md")
+PAGE, README = Path("docs/results.md"), Path("README.md")
+MARKS = ("<!-- measured: begin -->", "<!-- measured: end -->")
 
 
 def versions() -> dict[str, str]:
@@ -92,11 +93,41 @@ def render(root: Path) -> str:
 
 
 def write_page(root: Path) -> Path:
-    """Render and store the page."""
+    """Render and store the page, and the table of the README if there is one."""
     page = root / PAGE
     page.parent.mkdir(parents=True, exist_ok=True)
     page.write_text(render(root), encoding="utf-8")
+    readme, solver = root / README, read_json(root / SOLVER_JSON)
+    if readme.exists() and solver:
+        readme.write_text(with_headline(readme.read_text(encoding="utf-8"), solver), encoding="utf-8")
     return page
+
+
+def headline(solver: dict[str, Any]) -> str:
+    """The README's table: accuracy and time on vehicle-like scenes, every method of the time row."""
+    rows = {row["id"]: row for row in solver["rows"]}
+    accuracy = {line["method"]: line for line in rows["v1"]["details"]}
+    timed = [line for line in rows["time"]["times"] if line["setting"] == "V1"]
+    lines = [
+        {
+            "method": f"**{line['method']}**" if line["ratio"] == 1.0 else line["method"],
+            "mean rotation error, deg": accuracy[line["method"]]["mean e_r deg"],
+            "failures, %": accuracy[line["method"]]["failures %"],
+            "time an object, µs": line["us an object"],
+            "time / ours": line["ratio"],
+        }
+        for line in timed
+        if line["method"] in accuracy
+    ]
+    return table(lines)
+
+
+def with_headline(readme: str, solver: dict[str, Any]) -> str:
+    """The README with the table between its two marks made anew."""
+    begin, end = MARKS
+    before, _, rest = readme.partition(begin)
+    _, _, after = rest.partition(end)
+    return f"{before}{begin}\n{headline(solver)}\n{end}{after}"
 
 
 def _solver(content: dict[str, Any]) -> list[str]:

@@ -1,0 +1,48 @@
+//! How sure a pose is: the inverse of the normal equations over its inliers, priors included.
+
+use nalgebra::SMatrix;
+
+use crate::lm::{Objective, State, cholesky, padded_modes, solve_cholesky};
+use crate::loss::Kernel;
+use crate::math::square;
+use crate::object::MAX_MODES;
+
+/// Covariance of a pose: rotation vector on the left (camera frame, radians), then translation (metres).
+pub type PoseCovariance = SMatrix<f64, 6, 6>;
+/// Covariance of the shape coefficients, in the leading rows and columns.
+pub type ShapeCovariance = SMatrix<f64, MAX_MODES, MAX_MODES>;
+
+/// Covariances of pose and shape, when the noise of a coordinate is that of the objective's priors; `None` when the
+/// inliers leave a direction free.
+pub(crate) fn covariance(
+    objective: &mut Objective,
+    state: &State,
+    inlier_threshold: f64,
+) -> Option<(PoseCovariance, ShapeCovariance)> {
+    objective.activate_within(&state.pose, inlier_threshold);
+    match padded_modes(objective.model.eigenvalues().len()) {
+        0 => inverse::<6>(objective, state),
+        5 => inverse::<11>(objective, state),
+        _ => inverse::<{ 6 + MAX_MODES }>(objective, state),
+    }
+}
+
+fn inverse<const D: usize>(objective: &Objective, state: &State) -> Option<(PoseCovariance, ShapeCovariance)> {
+    let mut h = objective.linearise::<D>(state, Kernel::LeastSquares).h;
+    cholesky(&mut h)?;
+    let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
+    let modes = objective.model.eigenvalues().len();
+    for column in 0..6 + modes {
+        let mut x = [0.0; D];
+        x[column] = square(objective.priors.noise_sigma);
+        solve_cholesky(&h, &mut x);
+        if column < 6 {
+            pose.column_mut(column).copy_from_slice(&x[..6]);
+        } else {
+            for m in 0..modes {
+                shape[(m, column - 6)] = x[6 + m];
+            }
+        }
+    }
+    Some((pose, shape))
+}

@@ -1,0 +1,80 @@
+//! The parts of an [`Objective`], owned, so that a test can build one from plain values.
+
+use crate::camera::View;
+use crate::lanes::LANES;
+use crate::lm::Objective;
+use crate::noise::NoiseModel;
+use crate::object::{MAX_MODES, ShapeModel};
+use crate::priors::Priors;
+use crate::residual::Block;
+use crate::simd::VectorUnit;
+
+/// Nothing known besides the keypoints.
+pub(super) const NO_PRIORS: Priors = Priors {
+    noise_sigma: 1.0,
+    tilt_sigma: f64::INFINITY,
+    shape: false,
+    bbox: [f64::NAN; 4],
+    use_bbox: false,
+    bbox_sigma: f64::INFINITY,
+};
+
+/// Keypoints of one object in blocks.
+pub(super) struct Fixture {
+    view: View,
+    visible: Vec<u32>,
+    blocks: Vec<Block>,
+    pub(super) priors: Priors,
+}
+
+impl Fixture {
+    /// Keypoints that are not NaN, each with its weight.
+    pub(super) fn new(
+        view: View,
+        model: &ShapeModel,
+        keypoints_2d: &[[f64; 2]],
+        weight: impl Fn(usize) -> f64,
+    ) -> Self {
+        let seen = keypoints_2d.iter().enumerate().filter(|(_, pixel)| !pixel[0].is_nan());
+        let visible: Vec<u32> = seen.map(|(i, _)| i as u32).collect();
+        let mut blocks = vec![Block::EMPTY; visible.len().div_ceil(LANES)];
+        for (k, &i) in visible.iter().enumerate() {
+            let (i, block, lane) = (i as usize, &mut blocks[k / LANES], k % LANES);
+            (block.u.0[lane], block.v.0[lane]) =
+                (keypoints_2d[i][0] - view.camera.cx, keypoints_2d[i][1] - view.camera.cy);
+            (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = model.keypoint(i, &[0.0; MAX_MODES]).into();
+            (block.weight.0[lane], block.active.0[lane]) = (weight(i), weight(i));
+        }
+        Self { view, visible, blocks, priors: NO_PRIORS }
+    }
+
+    pub(super) fn objective<'a>(&'a mut self, model: &'a ShapeModel<'a>) -> Objective<'a> {
+        Objective {
+            unit: VectorUnit::detect(),
+            view: &self.view,
+            model,
+            visible: &self.visible,
+            blocks: &mut self.blocks,
+            priors: self.priors,
+            noise: NoiseModel { guess: 2.0, area: 1e4 },
+        }
+    }
+}
+
+/// Random numbers between -1 and 1.
+pub(super) struct Random(crate::sampler::Stream);
+
+impl Random {
+    pub(super) fn new(trial: u64) -> Self {
+        Self(crate::sampler::Stream::new(7, trial))
+    }
+
+    pub(super) fn next(&mut self) -> f64 {
+        const STEPS: usize = 1 << 40;
+        2.0 * self.0.below(STEPS) as f64 / STEPS as f64 - 1.0
+    }
+
+    pub(super) fn numbers<const N: usize>(&mut self) -> [f64; N] {
+        [(); N].map(|()| self.next())
+    }
+}

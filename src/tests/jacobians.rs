@@ -1,0 +1,275 @@
+//! Every analytic derivative against central differences.
+
+use nalgebra::{Rotation3, Vector3, Vector6};
+
+use super::fixture::{Fixture, NO_PRIORS, Random};
+use crate::camera::{Camera, Tilt, View};
+use crate::lm::{Objective, State};
+use crate::loss::Kernel;
+use crate::object::{MAX_MODES, ShapeModel};
+use crate::pose::Pose;
+use crate::priors::Priors;
+use crate::residual::point_jacobian;
+
+const POINTS: usize = 11;
+const MODES: usize = 3;
+/// Unknowns of the joint problem: three modes are padded to five.
+const JOINT: usize = 11;
+/// Rotation vector, translation and coefficients differ in size little enough for one step.
+const STEP: f64 = 1e-5;
+
+const KERNELS: [Kernel; 3] =
+    [Kernel::LeastSquares, Kernel::Tukey { c2: 900.0 }, Kernel::Student { s2: 100.0, dof: 8.0 }];
+
+/// A random object near a random pose: residuals of some ten pixels.
+struct Problem {
+    view: View,
+    mean: Vec<[f64; 3]>,
+    basis: Vec<[f64; 3]>,
+    pixels: Vec<[f64; 2]>,
+    state: State,
+    bbox: [f64; 4],
+}
+
+const BBOX_3D: [[f64; 3]; 2] = [[-1.0, -0.8, -2.2], [1.0, 0.8, 2.2]];
+
+impl Problem {
+    fn random(trial: u64) -> Self {
+        let mut random = Random::new(trial);
+        let camera = Camera::new(900.0, 950.0, 600.0, 400.0).unwrap();
+        let tilt = Tilt { pitch: 0.4 * random.next(), roll: 0.2 * random.next() };
+        let view = View::new(camera, tilt).unwrap();
+        let upright = Pose::upright(&view, 3.0 * random.next(), Vector3::from(random.numbers()) + Vector3::z() * 14.0);
+        let pose = upright.perturbed(&(Vector6::from(random.numbers()) * 0.03));
+        let mean: Vec<[f64; 3]> = (0..POINTS).map(|_| point(&mut random, [1.0, 0.8, 2.2])).collect();
+        let basis: Vec<[f64; 3]> = (0..POINTS * MODES).map(|_| point(&mut random, [0.1; 3])).collect();
+        let pixels = mean.iter().map(|&x| {
+            let [u, v] = camera.project(&pose.transform(x)).unwrap();
+            [u + 12.0 * random.next(), v + 12.0 * random.next()]
+        });
+        let mut pixels: Vec<[f64; 2]> = pixels.collect();
+        pixels[3] = [f64::NAN; 2];
+        let mut coefficients = [0.0; MAX_MODES];
+        coefficients[..MODES].copy_from_slice(&random.numbers::<MODES>());
+        let corners = (0..8).map(|c: usize| {
+            let corner = core::array::from_fn(|axis| BBOX_3D[(c >> axis) & 1][axis]);
+            camera.project(&pose.transform(corner)).unwrap()
+        });
+        let extent = corners.fold([f64::INFINITY, f64::INFINITY, -f64::INFINITY, -f64::INFINITY], |b, [u, v]| {
+            [b[0].min(u), b[1].min(v), b[2].max(u), b[3].max(v)]
+        });
+        let centre = [camera.cx, camera.cy, camera.cx, camera.cy];
+        let bbox = core::array::from_fn(|side| extent[side] - centre[side] + 5.0 * random.next());
+        Self { view, mean, basis, pixels, state: State { pose, coefficients }, bbox }
+    }
+
+    fn with_objective(&self, modes: usize, priors: Priors, f: impl FnOnce(Objective)) {
+        let model = ShapeModel::rigid(&self.mean, BBOX_3D).unwrap();
+        let eigenvalues = &[2.0, 1.0, 0.5][..modes];
+        let model = model.with_modes(&self.basis[..modes * POINTS], eigenvalues).unwrap();
+        let mut fixture = Fixture::new(self.view, &model, &self.pixels, |i| 0.3 + 0.06 * i as f64);
+        fixture.priors = priors;
+        f(fixture.objective(&model));
+    }
+
+    /// Nothing but one prior, or all.
+    fn priors(&self) -> [Priors; 4] {
+        let tilt = Priors { noise_sigma: 3.0, tilt_sigma: 0.02, ..NO_PRIORS };
+        let shape = Priors { noise_sigma: 3.0, shape: true, ..NO_PRIORS };
+        let [left, top, right, _] = self.bbox;
+        let bbox = [left, top, right, f64::NAN];
+        let bbox = Priors { noise_sigma: 3.0, bbox, use_bbox: true, bbox_sigma: 6.0, ..NO_PRIORS };
+        [tilt, shape, bbox, Priors { tilt_sigma: 0.02, shape: true, ..bbox }]
+    }
+}
+
+fn point(random: &mut Random, half: [f64; 3]) -> [f64; 3] {
+    half.map(|h| h * random.next())
+}
+
+fn moved<const D: usize>(state: &State, unknown: usize, step: f64) -> State {
+    let mut direction = [0.0; D];
+    direction[unknown] = step;
+    let mut next = *state;
+    next.pose = state.pose.perturbed(&Vector6::from_column_slice(&direction[..6]));
+    for m in 0..D - 6 {
+        next.coefficients[m] += direction[6 + m];
+    }
+    next
+}
+
+#[track_caller]
+fn assert_close(analytic: f64, numeric: f64, scale: f64, what: &str) {
+    assert!((analytic - numeric).abs() < 1e-6 * scale, "{what}: {analytic} {numeric}");
+}
+
+#[test]
+fn of_one_point() {
+    for trial in 0..200 {
+        let p = Problem::random(trial);
+        let (camera, pose) = (&p.view.camera, &p.state.pose);
+        let (x, pixel) = (p.mean[0], [10.0, -20.0]);
+        let analytic = point_jacobian(camera, pose, x, pixel).unwrap();
+        let residual = |pose: &Pose, x: [f64; 3]| {
+            let [u, v] = camera.project(&pose.transform(x)).unwrap();
+            [u - camera.cx - pixel[0], v - camera.cy - pixel[1]]
+        };
+        for row in 0..2 {
+            assert_close(analytic.residual[row], residual(pose, x)[row], 1e-3, "residual");
+            for k in 0..6 {
+                let at = |step| residual(&moved::<6>(&p.state, k, step).pose, x)[row];
+                assert_close(analytic.pose[row][k], (at(STEP) - at(-STEP)) / (2.0 * STEP), 100.0, "pose");
+            }
+            for axis in 0..3 {
+                let at = |step: f64| {
+                    let mut moved = x;
+                    moved[axis] += step;
+                    residual(pose, moved)[row]
+                };
+                assert_close(analytic.point[row][axis], (at(STEP) - at(-STEP)) / (2.0 * STEP), 100.0, "point");
+            }
+        }
+    }
+}
+
+/// Gradient of the whole cost against differences of the cost.
+fn check_gradient<const D: usize>(objective: &mut Objective, state: &State, kernel: Kernel) {
+    let mut normal = |state: &State| {
+        objective.set_shape(&state.coefficients);
+        objective.linearise::<D>(state, kernel)
+    };
+    let analytic = normal(state);
+    for k in 0..D {
+        let difference = normal(&moved::<D>(state, k, STEP)).cost - normal(&moved::<D>(state, k, -STEP)).cost;
+        let scale = 1.0 + analytic.cost + analytic.gradient[k].abs();
+        assert_close(
+            analytic.gradient[k],
+            difference / (2.0 * STEP),
+            10.0 * scale,
+            &format!("{kernel:?}, unknown {k}"),
+        );
+    }
+}
+
+#[test]
+fn of_the_cost_by_pose() {
+    for trial in 0..40 {
+        let p = Problem::random(trial);
+        let state = State { coefficients: [0.0; MAX_MODES], ..p.state };
+        for kernel in KERNELS {
+            p.with_objective(0, NO_PRIORS, |mut o| check_gradient::<6>(&mut o, &state, kernel));
+        }
+    }
+}
+
+#[test]
+fn of_the_cost_by_pose_and_shape() {
+    for trial in 0..40 {
+        let p = Problem::random(trial);
+        for kernel in KERNELS {
+            p.with_objective(MODES, NO_PRIORS, |mut o| check_gradient::<JOINT>(&mut o, &p.state, kernel));
+            p.with_objective(MODES, NO_PRIORS, |mut o| {
+                check_gradient::<{ 6 + MAX_MODES }>(&mut o, &p.state, kernel);
+            });
+        }
+    }
+}
+
+#[test]
+fn of_every_prior() {
+    for trial in 0..40 {
+        let p = Problem::random(trial);
+        for priors in p.priors() {
+            p.with_objective(MODES, priors, |mut o| {
+                // The keypoints have had their tests: alone, small gradients of priors show.
+                for block in o.blocks.iter_mut() {
+                    block.active = Default::default();
+                }
+                check_gradient::<JOINT>(&mut o, &p.state, Kernel::LeastSquares);
+                let cost = o.linearise::<JOINT>(&p.state, Kernel::LeastSquares).cost;
+                assert!(cost > 0.0 && (o.prior_cost(&p.state) - cost).abs() < 1e-12 * cost);
+            });
+            p.with_objective(MODES, priors, |mut o| check_gradient::<JOINT>(&mut o, &p.state, KERNELS[1]));
+            let rigid = State { coefficients: [0.0; MAX_MODES], ..p.state };
+            p.with_objective(0, priors, |mut o| check_gradient::<6>(&mut o, &rigid, KERNELS[1]));
+        }
+    }
+}
+
+/// The second derivative of a quadratic cost is the normal matrix: near zero residuals nothing is left out.
+#[test]
+fn normal_matrix_is_the_hessian_where_residuals_vanish() {
+    for trial in 0..20 {
+        let mut p = Problem::random(trial);
+        let model = ShapeModel::rigid(&p.mean, BBOX_3D).unwrap();
+        let model = model.with_modes(&p.basis, &[2.0, 1.0, 0.5]).unwrap();
+        for (i, pixel) in p.pixels.iter_mut().enumerate() {
+            let x = model.keypoint(i, &p.state.coefficients);
+            *pixel = p.view.camera.project(&p.state.pose.transform(x)).unwrap();
+        }
+        p.with_objective(MODES, NO_PRIORS, |mut o| check_hessian::<JOINT>(&mut o, &p.state));
+        let rigid = State { coefficients: [0.0; MAX_MODES], ..p.state };
+        for (i, pixel) in p.pixels.iter_mut().enumerate() {
+            *pixel = p.view.camera.project(&p.state.pose.transform(p.mean[i])).unwrap();
+        }
+        p.with_objective(0, NO_PRIORS, |mut o| check_hessian::<6>(&mut o, &rigid));
+    }
+}
+
+fn check_hessian<const D: usize>(objective: &mut Objective, state: &State) {
+    let mut normal = |state: &State| {
+        objective.set_shape(&state.coefficients);
+        objective.linearise::<D>(state, Kernel::LeastSquares)
+    };
+    let h = normal(state).h;
+    for k in 0..6 + MODES.min(D - 6) {
+        let (forth, back) = (normal(&moved::<D>(state, k, STEP)), normal(&moved::<D>(state, k, -STEP)));
+        for i in 0..6 + MODES.min(D - 6) {
+            let numeric = (forth.gradient[i] - back.gradient[i]) / (2.0 * STEP);
+            assert_close(h[i][k], numeric, 100.0 * (1.0 + (h[i][i] * h[k][k]).sqrt()), &format!("{i}, {k}"));
+            assert_eq!(h[i][k], h[k][i]);
+        }
+    }
+}
+
+/// The loop over lanes and the loop over points are two pieces of code for one thing.
+#[test]
+fn pose_by_lanes_is_the_pose_block_of_the_joint_problem() {
+    for trial in 0..40 {
+        let p = Problem::random(trial);
+        for kernel in KERNELS {
+            p.with_objective(MODES, p.priors()[3], |mut o| {
+                o.set_shape(&p.state.coefficients);
+                let (pose, joint) = (o.linearise::<6>(&p.state, kernel), o.linearise::<JOINT>(&p.state, kernel));
+                for i in 0..6 {
+                    let scale = 1e-6 * (1.0 + pose.gradient[i].abs() + pose.h[i][i]);
+                    assert_close(pose.gradient[i], joint.gradient[i], scale, "gradient");
+                    for k in 0..6 {
+                        let scale = 1e-6 * (1.0 + (pose.h[i][i] * pose.h[k][k]).sqrt());
+                        assert_close(pose.h[i][k], joint.h[i][k], scale, "normal matrix");
+                    }
+                }
+            });
+        }
+    }
+}
+
+/// A point behind the camera costs what the kernel says of infinity and pulls nowhere.
+#[test]
+fn of_a_point_behind_the_camera() {
+    let mut p = Problem::random(0);
+    p.state.coefficients = [0.0; MAX_MODES];
+    let turned = Rotation3::from_axis_angle(&Vector3::y_axis(), 0.3).into_inner();
+    p.state.pose = Pose { r: turned, t: Vector3::new(0.0, 0.0, 0.5) };
+    let behind = p.mean.iter().filter(|&&x| p.state.pose.transform(x).z <= 0.0).count();
+    assert!(behind > 0 && behind < POINTS);
+    let c2 = 900.0;
+    p.with_objective(0, NO_PRIORS, |mut o| {
+        check_gradient::<6>(&mut o, &p.state, Kernel::Tukey { c2 });
+        let normal = o.linearise::<6>(&p.state, Kernel::Tukey { c2 });
+        assert!(normal.gradient.iter().chain(normal.h.iter().flatten()).all(|x| x.is_finite()));
+        let joint = o.linearise::<JOINT>(&p.state, Kernel::Tukey { c2 });
+        assert!((normal.cost - joint.cost).abs() < 1e-9 * joint.cost);
+        assert_eq!(o.linearise::<6>(&p.state, Kernel::LeastSquares).cost, f64::INFINITY);
+    });
+}

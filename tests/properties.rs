@@ -1,0 +1,257 @@
+//! What holds of every answer, whatever goes in. `PROPTEST_CASES=1000000` for a longer run.
+#![cfg(feature = "synthetic")]
+
+mod common;
+
+use common::{Case, Random};
+use groundpose::camera::{Camera, Tilt, View};
+use groundpose::error::{InputError, NoPose};
+use groundpose::estimate::{Estimate, Estimator};
+use groundpose::minimal::p1p::Cases;
+use groundpose::options::{Options, Solver};
+use groundpose::pose::Pose;
+use groundpose::refine::Refinement;
+use groundpose::score::Scoring;
+use groundpose::synthetic::{Kind, Outliers, Protocol};
+use groundpose::workspace::{GrowingWorkspace, Workspace};
+use nalgebra::{Matrix3, Vector3};
+use proptest::prelude::*;
+
+/// The number of cases, unless the environment says otherwise.
+fn cases(default: u32) -> ProptestConfig {
+    let mut config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
+    if std::env::var_os("PROPTEST_CASES").is_none() {
+        config.cases = default;
+    }
+    config
+}
+
+/// Everything an answer promises; a text says what is broken.
+fn broken_promise(case: &Case, options: &Options, e: &Estimate, residuals: &[f64]) -> Option<String> {
+    let mut broken = vec![];
+    let mut promise = |kept: bool, what: &str| {
+        if !kept {
+            broken.push(what.to_owned());
+        }
+    };
+    let r = e.pose.r;
+    promise(e.pose.is_finite(), "pose finite");
+    promise((r.transpose() * r - Matrix3::identity()).norm() < 1e-12, "R orthonormal");
+    promise((r.determinant() - 1.0).abs() < 1e-12, "det R = 1");
+    let numbers = [e.yaw, e.reprojection_rmse, e.score, e.log10_nfa, e.noise_sigma, e.ambiguity, e.ransac.confidence];
+    promise(numbers.iter().chain(&e.shape_coefficients).all(|x| x.is_finite()), "statistics finite");
+    promise((0.0..=1.0).contains(&e.ambiguity), "ambiguity between 0 and 1");
+    promise((0.0..=1.0).contains(&e.ransac.confidence), "confidence between 0 and 1");
+    promise((0.0..=1.0 + 1e-12).contains(&e.score), "score between 0 and 1");
+    promise(e.noise_sigma > 0.0 && e.inlier_threshold > 0.0, "noise and threshold positive");
+    promise(e.log10_nfa <= options.max_log10_nfa, "better than chance");
+    promise(e.ransac.hypotheses > 0 && e.ransac.iterations > 0, "a hypothesis");
+    promise(e.shape_coefficients[case.eigenvalues.len()..].iter().all(|&x| x == 0.0), "no modes the model lacks");
+    let forward = case.view.r_camera_from_ground.transpose() * r.column(2);
+    promise((e.yaw - forward.x.atan2(forward.z)).sin().abs() < 1e-9, "yaw of the pose");
+    if let Some(covariance) = e.covariance {
+        promise(covariance.iter().all(|x| x.is_finite()), "covariance finite");
+        promise((0..6).all(|i| covariance[(i, i)] > 0.0), "variances positive");
+        let skew = (covariance - covariance.transpose()).abs().max();
+        promise(skew <= 1e-6 * covariance.abs().max(), "covariance symmetric");
+    }
+    promise(e.covariance.is_some() == options.covariance, "covariance when asked for");
+
+    // Residuals, inliers and RMSE belong to the pose that is returned.
+    let expected = case.residuals(&e.pose, &e.shape_coefficients);
+    promise(expected.len() == residuals.len(), "a residual per keypoint");
+    // The square of a residual beyond 1e154 pixels is infinite.
+    let huge = |x: f64| x > 1e150;
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-7 * (1.0 + b.abs());
+    let same = |a: f64, b: f64| a.is_nan() && b.is_nan() || huge(a) && huge(b) || near(a, b);
+    promise(residuals.iter().zip(&expected).all(|(&a, &b)| same(a, b)), "residuals of the pose");
+    let inliers: Vec<f64> = residuals.iter().copied().filter(|&r| r <= e.inlier_threshold).collect();
+    promise(inliers.len() == e.inlier_count && e.inlier_count > 0, "inlier count");
+    let rmse = (inliers.iter().map(|r| r * r).sum::<f64>() / inliers.len() as f64).sqrt();
+    promise(same(e.reprojection_rmse, rmse), "RMSE over the inliers");
+    let clear = |r: &f64| (r / e.inlier_threshold - 1.0).abs() > 1e-6;
+    let seen = residuals.iter().zip(&expected).filter(|(_, b)| !b.is_nan() && clear(b));
+    let agree = |(a, b): (&f64, &f64)| (*a <= e.inlier_threshold) == (*b <= e.inlier_threshold);
+    promise(seen.clone().all(agree), "mask of the pose");
+    (!broken.is_empty()).then(|| format!("{}\n{e:?}\n{residuals:?}\n{expected:?}", broken.join("; ")))
+}
+
+fn check(case: &Case, options: Options) -> Result<(), TestCaseError> {
+    let Ok(estimator) = Estimator::new(options) else { return Ok(()) };
+    let mut workspace = GrowingWorkspace::new();
+    let result = case.try_with_observation(|o| estimator.estimate(&case.view, o, &mut workspace));
+    let failure = match result {
+        Err(InputError { argument, expected, .. }) => (argument.is_empty() || expected.is_empty()).then(String::new),
+        Ok(Err(NoPose::InvalidInput | NoPose::WorkspaceTooSmall)) => Some("a reason that cannot be".to_owned()),
+        Ok(Err(_)) => None,
+        Ok(Ok(estimate)) => broken_promise(case, &options, &estimate, workspace.residuals()),
+    };
+    match failure {
+        None => Ok(()),
+        Some(text) => Err(TestCaseError::fail(format!("{text}\n{case:?}\n{options:?}"))),
+    }
+}
+
+/// One of a few.
+fn pick<T: Copy>(random: &mut Random, of: &[T]) -> T {
+    of[random.next() as usize % of.len()]
+}
+
+/// A number that somebody might pass by mistake, or an ordinary one.
+fn odd_number(random: &mut Random, low: f64, high: f64) -> f64 {
+    match random.next() % 16 {
+        0 => f64::NAN,
+        1 => pick(random, &[0.0, -0.0, 1.0, -1.0, 1e-12, 1e-320, f64::MIN_POSITIVE]),
+        2 => pick(random, &[1e6, -1e6, 1e15, 1e100, -1e100, 1e160, f64::MAX, f64::MIN]),
+        3 if random.next().is_multiple_of(64) => f64::INFINITY,
+        _ => random.between(low, high),
+    }
+}
+
+fn odd_options(random: &mut Random) -> Options {
+    let flip = |random: &mut Random| random.next().is_multiple_of(2);
+    let maybe = |random: &mut Random, values: &[f64]| flip(random).then(|| pick(random, values));
+    let solvers = [Solver::Auto, Solver::Auto, Solver::P1p, Solver::P3p, Solver::Up2p, Solver::P1pHeight];
+    let refinements = [Refinement::Default, Refinement::Default, Refinement::Hre, Refinement::Re, Refinement::Gn];
+    let hre = [[1.0, 1.5, 3.0], [1.0, 1.5, 3.0], [1e-9, 1.0, 1e9], [0.5, 0.6, 0.7]];
+    Options {
+        inlier_threshold: maybe(random, &[1e-300, 1e-9, 0.5, 4.0, 100.0, 1e9, 1e200]),
+        relative_threshold: pick(random, &[0.0375, 0.0375, 1e-12, 0.5, 1e12, 1e300]),
+        confidence: pick(random, &[0.99, 0.5, 1e-9, 1.0 - 1e-16]),
+        solver: pick(random, &solvers),
+        cases: pick(random, &[Cases::All, Cases::Paper]),
+        scoring: pick(random, &[Scoring::Msac, Scoring::Inliers]),
+        refinement: if random.next().is_multiple_of(8) { Refinement::None } else { pick(random, &refinements) },
+        hre_thresholds: pick(random, &hre),
+        tilt_sigma: maybe(random, &[0.0, 1e-300, 1e-3, 0.05, 10.0, 1e300, f64::INFINITY]),
+        shape_prior: flip(random).then(|| flip(random)),
+        bbox_sigma: maybe(random, &[1e-300, 1e-3, 5.0, 1e300, f64::INFINITY]),
+        covariance: flip(random),
+        max_iterations: pick(random, &[1, 2, 20, 50]),
+        min_keypoints: pick(random, &[3, 4, 4, 6]),
+        max_log10_nfa: pick(random, &[1.0, -3.0, f64::INFINITY, f64::NEG_INFINITY]),
+        score_weights: flip(random),
+        seed: random.next(),
+    }
+}
+
+/// `count` points of which none, some or all are odd: identical, on a line, in a plane, of any size.
+fn odd_points<const N: usize>(random: &mut Random, count: usize, ranges: [[f64; 2]; N]) -> Vec<[f64; N]> {
+    let ordinary = |random: &mut Random| ranges.map(|[low, high]| random.between(low, high));
+    let (origin, direction) = (ordinary(random), ordinary(random));
+    let kind = random.next() % 8;
+    let scale = pick(random, &[1.0, 1.0, 1e-9, 1e9]);
+    let point = |random: &mut Random| match kind {
+        0 => ranges.map(|[low, high]| odd_number(random, low, high)),
+        1 => origin,
+        2 => {
+            let along = random.between(-1.0, 1.0);
+            core::array::from_fn(|axis| origin[axis] + along * direction[axis])
+        }
+        3 => {
+            let mut point = ordinary(random);
+            point[N - 1] = origin[N - 1];
+            point
+        }
+        4 if random.next().is_multiple_of(2) => origin,
+        5 => ordinary(random).map(|x| x * scale),
+        _ => ordinary(random),
+    };
+    (0..count).map(|_| point(random)).collect()
+}
+
+fn odd_view(random: &mut Random) -> Result<View, InputError> {
+    let focal = pick(random, &[700.0, 1000.0, 1000.0, 1e-6, 1e9, 1e-300, 1e300]);
+    let mut camera =
+        Camera::new(focal, odd_number(random, 0.9, 1.1).abs() * focal, 640.0, odd_number(random, 0.0, 500.0))?;
+    if random.next().is_multiple_of(2) {
+        camera = camera.with_image_size(1280.0, 720.0)?;
+    }
+    let limit = pick(random, &[0.1, 0.7, 1.57]);
+    let tilt = Tilt { pitch: random.between(-limit, limit), roll: random.between(-2.0 * limit, 2.0 * limit) };
+    let view = View::new(camera, tilt)?;
+    if random.next().is_multiple_of(2) { view.with_height(odd_number(random, 0.5, 8.0)) } else { Ok(view) }
+}
+
+/// An object put together at random; every other one is a real scene with some of its numbers exchanged.
+fn odd_case(random: &mut Random, size: usize) -> Result<Case, InputError> {
+    let view = odd_view(random)?;
+    let mut case = if random.next().is_multiple_of(2) {
+        let kind = pick(random, &[Kind::Cube, Kind::Vehicle]);
+        let protocol = Protocol { kind, n_points: size.max(1), ..Protocol::default() };
+        Case::of(&protocol, &protocol.scene(random.next(), 0))
+    } else {
+        let low = odd_points(random, 1, [[-3.0, 0.0]; 3])[0];
+        Case {
+            view,
+            keypoints_2d: odd_points(random, size, [[0.0, 1280.0], [0.0, 720.0]]),
+            keypoints_3d: odd_points(random, size, [[-2.0, 2.0], [-1.0, 1.0], [-4.0, 4.0]]),
+            basis: vec![],
+            eigenvalues: vec![],
+            bbox_3d: [low, low.map(|x| x + odd_number(random, 0.5, 5.0))],
+            footprint: None,
+            bbox: None,
+            scores: None,
+            inlier_threshold: None,
+            truth: Pose { r: Matrix3::identity(), t: Vector3::zeros() },
+        }
+    };
+    let count = case.keypoints_2d.len();
+    for _ in 0..random.next() % 4 {
+        let [u, v] = [odd_number(random, 0.0, 1280.0), odd_number(random, 0.0, 720.0)];
+        case.keypoints_2d[random.next() as usize % count.max(1)..].iter_mut().take(1).for_each(|p| *p = [u, v]);
+    }
+    if random.next().is_multiple_of(2) {
+        case.scores = Some((0..count).map(|_| odd_number(random, 0.0, 1.0).abs()).collect());
+    }
+    if random.next().is_multiple_of(3) {
+        let (left, top) = (odd_number(random, 0.0, 900.0), odd_number(random, 0.0, 500.0));
+        case.bbox = Some([left, top, left + odd_number(random, 1.0, 400.0), top + odd_number(random, 1.0, 300.0)]);
+    }
+    if random.next().is_multiple_of(4) {
+        case.inlier_threshold = Some(odd_number(random, 1.0, 30.0));
+    }
+    if random.next().is_multiple_of(4) {
+        let modes = pick(random, &[1, 3, 5, 8, 10]);
+        case.basis = odd_points(random, modes * count, [[-0.2, 0.2]; 3]);
+        case.eigenvalues = (0..modes).map(|_| odd_number(random, 0.1, 2.0).abs()).collect();
+    }
+    Ok(case)
+}
+
+proptest! {
+    #![proptest_config(cases(100_000))]
+
+    /// Finite and consistent, or a reason why not; never a panic.
+    #[test]
+    fn garbage_gets_an_error_a_reason_or_a_consistent_answer(seed: u64, size in 0_usize..40) {
+        let mut random = Random(seed);
+        let options = odd_options(&mut random);
+        if let Ok(case) = odd_case(&mut random, size) {
+            check(&case, options)?;
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(2_000))]
+
+    #[test]
+    fn answers_keep_their_promises(
+        seed: u64,
+        kind in prop_oneof![Just(Kind::Cube), Just(Kind::Vehicle)],
+        outliers in prop_oneof![Just(Outliers::Image), Just(Outliers::Box)],
+        outlier_ratio in 0.0..0.9,
+        n_points in 4_usize..100,
+        modes in 0_usize..=10,
+    ) {
+        let protocol = Protocol { kind, n_points, outlier_ratio, outliers, ..Protocol::default() };
+        let mut random = Random(seed);
+        let mut case = Case::of(&protocol, &protocol.scene(seed, 1));
+        case.basis = (0..modes * case.keypoints_3d.len()).map(|_| random.point([[-0.1; 3], [0.1; 3]])).collect();
+        case.eigenvalues = vec![1.0; modes];
+        let options = odd_options(&mut random);
+        let ordinary = Options { inlier_threshold: None, hre_thresholds: [1.0, 1.5, 3.0], ..options };
+        check(&case, ordinary)?;
+    }
+}
