@@ -36,6 +36,9 @@ fn inverse<const D: usize>(objective: &Objective, state: &State) -> Option<(Pose
         let mut x = [0.0; D];
         x[column] = square(objective.priors.noise_sigma);
         solve_cholesky(&h, &mut x);
+        if x.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
         if column < 6 {
             pose.column_mut(column).copy_from_slice(&x[..6]);
         } else {

@@ -3,6 +3,7 @@
 use crate::camera::View;
 use crate::covariance::{PoseCovariance, ShapeCovariance, covariance};
 use crate::error::{InputError, NoPose};
+use crate::lanes::LANES;
 use crate::lm::{Objective, State};
 use crate::math::{sqrt, square};
 use crate::minimal::p1p::P1p;
@@ -58,6 +59,13 @@ pub struct Estimate {
     pub solver: Solver,
     /// The refinement, stage by stage.
     pub stages: [StageStatistics; MAX_STAGES],
+}
+
+impl Estimate {
+    fn is_finite(&self) -> bool {
+        let residuals = [self.reprojection_rmse, self.score, self.noise_sigma, self.log10_nfa, self.ambiguity];
+        residuals.iter().chain(&self.shape_coefficients).all(|x| x.is_finite())
+    }
 }
 
 /// Estimates poses with options that were checked once.
@@ -304,7 +312,7 @@ impl Job<'_> {
         let (mut objective, scratch) = self.objective(0.5 * threshold);
         let initial = State { pose: candidate.pose, coefficients: [0.0; MAX_MODES] };
         let (state, stages) = refine(&mut objective, scratch, &candidate.pose, &stages);
-        let noise = *noise_sigma.get_or_insert_with(|| objective.estimate_noise(&state.pose, scratch).sigma);
+        let noise = *noise_sigma.get_or_insert_with(|| objective.estimate_noise(&state.pose).sigma);
         objective.priors.noise_sigma = noise;
         objective.priors.use_bbox = true;
         let cut = JUDGING_CUT * noise;
@@ -334,14 +342,14 @@ impl Job<'_> {
         }
         let (n, weight_sum) = (self.points.count, self.points.weight_sum);
         let are_scores = self.observation.has_scores() && self.options.score_weights;
-        let (mut objective, scratch) = self.objective(0.5 * threshold);
+        let (mut objective, _) = self.objective(0.5 * threshold);
         set_shape(&mut objective, &state);
-        let noise = objective.estimate_noise(&state.pose, scratch);
-        let keypoints = scratch.iter().enumerate().map(|(k, &r2)| (r2, objective.weight(k)));
+        let noise = objective.estimate_noise(&state.pose);
         let score_sum = are_scores.then_some(weight_sum);
-        let log10_nfa = objective.noise.consensus(noise, n, score_sum, ransac.hypotheses).log10_nfa(keypoints);
+        let log10_nfa =
+            objective.noise.consensus(noise, n, score_sum, ransac.hypotheses).log10_nfa(objective.measured());
         let inliers = self.store_residuals();
-        if inliers.count == 0 || log10_nfa > self.options.max_log10_nfa {
+        if inliers.count == 0 || !(log10_nfa <= self.options.max_log10_nfa) {
             return Err(NoPose::NoConsensus);
         }
         let projection = Projection::new(&self.view.camera, &state.pose);
@@ -352,7 +360,7 @@ impl Job<'_> {
         } else {
             None
         };
-        Ok(Estimate {
+        let estimate = Estimate {
             pose: state.pose,
             yaw: state.pose.yaw(self.view),
             shape_coefficients: state.coefficients,
@@ -368,15 +376,18 @@ impl Job<'_> {
             ransac,
             solver,
             stages: refined.stages,
-        })
+        };
+        // Numbers so large or small that their squares are not numbers.
+        if estimate.is_finite() { Ok(estimate) } else { Err(NoPose::Degenerate) }
     }
 
-    /// Residuals from the squares in the scratch memory into the caller's workspace; the sums over the inliers.
+    /// Residuals from the squares in the blocks into the caller's workspace; the sums over the inliers.
     fn store_residuals(&mut self) -> Inliers {
         let threshold = self.points.inlier_threshold;
         let buffers = &mut self.points.buffers;
         let mut inliers = Inliers::default();
-        for (&r2, &i) in buffers.scratch.iter().zip(&buffers.visible[..self.points.count]) {
+        for (k, &i) in buffers.visible[..self.points.count].iter().enumerate() {
+            let r2 = buffers.blocks[k / LANES].r2.0[k % LANES];
             let r = sqrt(r2);
             buffers.residuals[i as usize] = r;
             if r <= threshold {

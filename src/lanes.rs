@@ -3,7 +3,7 @@
 //! Every operation is the scalar one, lane by lane, and sums run per lane and are added in a fixed order: the result
 //! is the same bits for every width of vector unit.
 
-use core::ops::{Add, AddAssign, Mul, Sub};
+use core::ops::{Add, AddAssign, Div, Mul, Sub};
 
 /// Points that a block holds.
 pub(crate) const LANES: usize = 4;
@@ -33,6 +33,12 @@ impl Lanes {
     #[inline(always)]
     pub(crate) fn min(self, other: Self) -> Self {
         self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
+    /// `other` where it is less than `self`, else `self`.
+    #[inline(always)]
+    pub(crate) fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { b } else { a })
     }
 
     /// One where `self` is at most `other`, else zero: also where it is not a number.
@@ -76,6 +82,14 @@ impl Mul for Lanes {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         self.zip(other, |a, b| a * b)
+    }
+}
+
+impl Div for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.zip(other, |a, b| a / b)
     }
 }
 

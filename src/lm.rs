@@ -307,14 +307,20 @@ impl State {
 
 /// Adds one weighted row to the upper triangle of the normal equations.
 #[inline(always)]
-pub(crate) fn add_row<const D: usize>(normal: &mut Normal<D>, j: &[f64; D], residual: f64, weight: f64) {
-    for a in 0..D {
+fn add_row<const D: usize, const N: usize>(normal: &mut Normal<D>, j: &[f64; N], residual: f64, weight: f64) {
+    for a in 0..N {
         let wa = weight * j[a];
         normal.gradient[a] += wa * residual;
-        for b in a..D {
+        for b in a..N {
             normal.h[a][b] += wa * j[b];
         }
     }
+}
+
+/// Adds a row that does not depend on the shape.
+#[inline]
+pub(crate) fn add_pose_row<const D: usize>(normal: &mut Normal<D>, j: &[f64; 6], residual: f64, weight: f64) {
+    add_row(normal, j, residual, weight);
 }
 
 /// `-(H + damping diag(H))^-1 gradient`; `None` when the matrix is not positive definite.
@@ -373,16 +379,20 @@ pub(crate) fn solve_cholesky<const D: usize>(l: &[[f64; D]; D], x: &mut [f64; D]
 }
 
 impl Objective<'_> {
-    /// Weight of the `k`-th visible keypoint.
-    pub(crate) fn weight(&self, k: usize) -> f64 {
-        self.blocks[k / LANES].weight.0[k % LANES]
+    /// Noise of the keypoints, given a pose; leaves the squared residuals in the blocks.
+    pub(crate) fn estimate_noise(&mut self, pose: &Pose) -> Noise {
+        let projection = Projection::new(&self.view.camera, pose);
+        self.unit.run(
+            #[inline(always)]
+            || self.blocks.iter_mut().for_each(|block| block.r2 = projection.squared_residuals(block)),
+        );
+        self.noise.estimate(self.unit, self.blocks)
     }
 
-    /// Noise of the keypoints, given a pose; leaves the squared residuals in `scratch`.
-    pub(crate) fn estimate_noise(&self, pose: &Pose, scratch: &mut [f64]) -> Noise {
-        let squared = &mut scratch[..self.visible.len()];
-        self.squared_residuals(pose, squared);
-        self.noise.estimate(squared.iter().enumerate().map(|(k, &r2)| (r2, self.weight(k))))
+    /// Squared residual and weight of every visible keypoint, after [`Objective::estimate_noise`].
+    pub(crate) fn measured(&self) -> impl Iterator<Item = (f64, f64)> + Clone {
+        let pairs = self.blocks.iter().flat_map(|block| (0..LANES).map(|l| (block.r2.0[l], block.weight.0[l])));
+        pairs.take(self.visible.len())
     }
 
     /// Gives every point its own weight, or none when it is further than `tau` pixels from a pose.

@@ -1,6 +1,9 @@
 //! How noisy the keypoints are, from the residuals of a pose.
 
+use crate::lanes::Lanes;
 use crate::math::{log, sqrt, square};
+use crate::residual::Block;
+use crate::simd::VectorUnit;
 
 /// Two-dimensional residuals as a mixture: Gaussian inliers of unknown variance, and outliers uniform in an area.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +37,26 @@ const SCALES: [f64; 2] = [3.5, 9.0];
 /// The share of inliers stays away from certainty.
 const SHARES: [f64; 2] = [0.02, 0.98];
 
+/// Sums over keypoints, each counted with the probability that it is an inlier.
+struct Expected {
+    inliers: f64,
+    inlier_weights: f64,
+    /// Weighted squared residuals.
+    squares: f64,
+    /// Of all keypoints.
+    weights: f64,
+}
+
+/// [`bell_inverse`] on many numbers.
+#[inline(always)]
+fn bell_inverse_lanes(x: Lanes) -> Lanes {
+    let y = Lanes::splat(1.0) + x * 0.0625;
+    let y = y * y;
+    let y = y * y;
+    let y = y * y;
+    y * y
+}
+
 /// `(1 + x / 16)^16`, for `exp(x)`: inliers with the tails of Student's t with 30 degrees of freedom, and no call of
 /// a library in the loop.
 #[inline(always)]
@@ -47,30 +70,47 @@ pub(crate) fn inlier_probability(share: f64, weight: f64) -> f64 {
 }
 
 impl NoiseModel {
-    /// Noise by expectation maximisation over (squared residual, weight) pairs.
-    pub(crate) fn estimate(&self, keypoints: impl Iterator<Item = (f64, f64)> + Clone) -> Noise {
+    /// Noise by expectation maximisation over the squared residuals of the blocks.
+    pub(crate) fn estimate(&self, unit: VectorUnit, blocks: &[Block]) -> Noise {
         let [lowest, highest] = BOUNDS.map(|b| square(b * self.guess));
-        let (mut variance, mut share) = (square(self.guess), 0.5);
+        let mut noise = Noise { sigma: self.guess, share: 0.5 };
         for _ in 0..ROUNDS {
-            let (mut inliers, mut sum, mut total, mut weights) = (0.0, 0.0, 0.0, 0.0);
-            let (half_precision, flatness) = (0.5 / variance, 2.0 * core::f64::consts::PI * variance / self.area);
-            for (r2, weight) in keypoints.clone() {
-                let prior = inlier_probability(share, weight);
-                // p(inlier | r) by Bayes' rule; infinite residuals (behind the camera) have none
-                let odds = (1.0 - prior) * flatness * bell_inverse(r2 * half_precision);
-                let p = prior / (prior + odds);
-                inliers += p;
-                weights += weight * p;
-                sum += if p > 0.0 { weight * p * r2 } else { 0.0 };
-                total += weight;
-            }
-            share = inliers / total;
-            let scale = inliers / weights.max(f64::MIN_POSITIVE);
-            let free = (inliers - FITTED).max(0.5);
-            let squares = 0.5 * sum * scale + GUESS_WEIGHT * square(self.guess);
-            variance = (squares / (free + GUESS_WEIGHT)).clamp(lowest, highest);
+            let sums = unit.run(
+                #[inline(always)]
+                || self.expect(noise, blocks),
+            );
+            let scale = sums.inliers / sums.inlier_weights.max(f64::MIN_POSITIVE);
+            let squares = 0.5 * sums.squares * scale + GUESS_WEIGHT * square(self.guess);
+            let free = (sums.inliers - FITTED).max(0.5) + GUESS_WEIGHT;
+            noise = Noise { sigma: sqrt((squares / free).clamp(lowest, highest)), share: sums.inliers / sums.weights };
         }
-        Noise { sigma: sqrt(variance), share }
+        noise
+    }
+
+    /// Expected inliers, and sums over them.
+    #[inline(always)]
+    fn expect(&self, noise: Noise, blocks: &[Block]) -> Expected {
+        let variance = square(noise.sigma);
+        let (half_precision, flatness) = (0.5 / variance, 2.0 * core::f64::consts::PI * variance / self.area);
+        let one = Lanes::splat(1.0);
+        let (mut inliers, mut inlier_weights) = (Lanes::default(), Lanes::default());
+        let (mut squares, mut weights) = (Lanes::default(), Lanes::default());
+        for block in blocks {
+            let prior = (block.weight * noise.share).max(Lanes::splat(SHARES[0])).min(Lanes::splat(SHARES[1]));
+            // p(inlier | r) by Bayes' rule; an infinite residual (behind the camera) has none
+            let odds = (one - prior) * (bell_inverse_lanes(block.r2 * half_precision) * flatness);
+            let p = (prior / (prior + odds)).where_positive(block.weight, 0.0);
+            inliers += p;
+            inlier_weights += block.weight * p;
+            squares += (block.weight * p * block.r2).where_positive(p, 0.0);
+            weights += block.weight;
+        }
+        Expected {
+            inliers: inliers.sum(),
+            inlier_weights: inlier_weights.sum(),
+            squares: squares.sum(),
+            weights: weights.sum(),
+        }
     }
 
     /// Tukey's `c` for a mixture: it follows the residual at which a keypoint is as likely an inlier as an outlier.

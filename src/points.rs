@@ -46,6 +46,10 @@ impl<'a> Points<'a> {
         points.check_spread(observation)?;
         points.inlier_threshold = points.threshold(observation, options);
         points.outlier_area = points.area(observation);
+        // Both are divided by: nothing is left of them when nearly all keypoints are one, or when one is far away.
+        if !square(points.inlier_threshold).is_normal() || !points.outlier_area.is_normal() {
+            return Err(NoPose::Degenerate);
+        }
         Ok(points)
     }
 

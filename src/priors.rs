@@ -2,10 +2,9 @@
 
 use nalgebra::Vector3;
 
-use crate::lm::{Normal, Objective, State, add_row};
+use crate::lm::{Normal, Objective, State, add_pose_row};
 use crate::loss::Kernel;
 use crate::math::square;
-use crate::object::MAX_MODES;
 use crate::residual::point_jacobian;
 
 /// Priors of one object.
@@ -34,44 +33,54 @@ const BBOX_CUT: f64 = 4.0;
 impl Objective<'_> {
     /// Adds the priors to normal equations and cost.
     pub(crate) fn add_priors<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
-        self.add_tilt_prior(state, normal);
-        self.add_shape_prior(state, normal);
-        self.add_bbox_prior(state, normal);
+        normal.cost += self.prior_cost(state);
+        self.add_tilt_rows(state, normal);
+        self.add_shape_rows(state, normal);
+        self.add_bbox_rows(state, normal);
     }
 
     /// Cost of the priors alone.
     pub(crate) fn prior_cost(&self, state: &State) -> f64 {
-        let mut normal = Normal { h: [[0.0; 6 + MAX_MODES]; 6 + MAX_MODES], gradient: [0.0; 6 + MAX_MODES], cost: 0.0 };
-        self.add_priors(state, &mut normal);
-        normal.cost
+        let p = &self.priors;
+        let tilt = self.tilt_kernel().map_or(0.0, |(kernel, scale)| scale * kernel.evaluate(self.tilt(state).norm2).0);
+        let bbox = self.bbox_kernel().map_or(0.0, |(kernel, scale)| {
+            let sides = self.bbox_residuals(state);
+            sides.iter().flatten().map(|side| scale * kernel.evaluate(square(side.residual)).0).sum()
+        });
+        let precision = if p.shape { square(p.noise_sigma) } else { 0.0 };
+        let coefficients = self.model.eigenvalues().iter().zip(&state.coefficients);
+        let shape: f64 = coefficients.map(|(variance, lambda)| 0.5 * precision * square(*lambda) / variance).sum();
+        tilt + bbox + shape
     }
 
-    /// Two residuals: the components of the object's down axis along the ground's x and z axes, which are zero
-    /// for an upright object.
-    fn add_tilt_prior<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
+    /// Kernel of the tilt prior, and its weight in units of the pixel cost: `(noise / sigma)^2`.
+    fn tilt_kernel(&self) -> Option<(Kernel, f64)> {
         let p = &self.priors;
-        if p.tilt_sigma.is_infinite() {
-            return;
-        }
+        let s2 = square(p.tilt_sigma);
+        s2.is_finite().then(|| (Kernel::Student { s2, dof: TILT_DOF }, square(p.noise_sigma) / s2))
+    }
+
+    /// Components of the object's down axis along the ground's x and z axes: zero for an upright object.
+    fn tilt(&self, state: &State) -> Tilted {
         let down: Vector3<f64> = state.pose.r.column(1).into();
         let r = &self.view.r_camera_from_ground;
         let axes: [Vector3<f64>; 2] = [r.column(0).into(), r.column(2).into()];
         let q = axes.map(|axis| axis.dot(&down));
-        let s2 = square(p.tilt_sigma);
-        let (rho, weight) = Kernel::Student { s2, dof: TILT_DOF }.evaluate(square(q[0]) + square(q[1]));
-        // In units of the pixel cost: (noise / sigma)^2 q^2 / 2.
-        let scale = square(p.noise_sigma) / s2;
-        normal.cost += scale * rho;
-        for k in 0..2 {
-            let w = down.cross(&axes[k]);
-            let mut j = [0.0; D];
-            j[..3].copy_from_slice(w.as_slice());
-            add_row(normal, &j, q[k], scale * weight);
+        Tilted { down, axes, q, norm2: square(q[0]) + square(q[1]) }
+    }
+
+    fn add_tilt_rows<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
+        let Some((kernel, scale)) = self.tilt_kernel() else { return };
+        let tilted = self.tilt(state);
+        let weight = scale * kernel.evaluate(tilted.norm2).1;
+        for (axis, q) in tilted.axes.iter().zip(tilted.q) {
+            let w = tilted.down.cross(axis);
+            add_pose_row(normal, &[w.x, w.y, w.z, 0.0, 0.0, 0.0], q, weight);
         }
     }
 
     /// Coefficients with the eigenvalues as variances.
-    fn add_shape_prior<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
+    fn add_shape_rows<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
         let eigenvalues = self.model.eigenvalues();
         for m in 0..D - 6 {
             match eigenvalues.get(m) {
@@ -79,9 +88,7 @@ impl Objective<'_> {
                 None => normal.h[6 + m][6 + m] = 1.0,
                 Some(&variance) if self.priors.shape => {
                     let precision = square(self.priors.noise_sigma) / variance;
-                    let lambda = state.coefficients[m];
-                    normal.cost += 0.5 * precision * lambda * lambda;
-                    normal.gradient[6 + m] += precision * lambda;
+                    normal.gradient[6 + m] += precision * state.coefficients[m];
                     normal.h[6 + m][6 + m] += precision;
                 }
                 Some(_) => {}
@@ -89,47 +96,73 @@ impl Objective<'_> {
         }
     }
 
-    /// Up to four residuals: the extent of the projected 3D box against the known sides of the 2D box.
-    fn add_bbox_prior<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
+    /// Kernel of a side of the box, and its weight in units of the pixel cost.
+    fn bbox_kernel(&self) -> Option<(Kernel, f64)> {
         let p = &self.priors;
-        if !p.use_bbox || p.bbox_sigma.is_infinite() {
-            return;
-        }
-        let camera = &self.view.camera;
-        let pose = &state.pose;
+        let s2 = square(p.bbox_sigma);
+        let takes_part = p.use_bbox && s2.is_finite();
+        takes_part.then(|| (Kernel::Tukey { c2: square(BBOX_CUT) * s2 }, square(p.noise_sigma) / s2))
+    }
+
+    /// For each known side the outermost corner of the projected 3D box against it; none when a corner is behind
+    /// the camera.
+    fn bbox_residuals(&self, state: &State) -> [Option<Side>; 4] {
+        let (camera, pose) = (&self.view.camera, &state.pose);
         let [min, max] = self.model.bbox_3d();
-        // For each side the outermost corner and its coordinate (negated for right and bottom).
+        // Coordinates of right and bottom are negated, so that the outermost is always the smallest.
         let mut outermost = [(f64::INFINITY, [0.0; 3]); 4];
         for &[x, z] in self.model.footprint().corners() {
             for y in [min[1], max[1]] {
                 let corner = [x, y, z];
                 let point = pose.transform(corner);
                 if point.z <= 0.0 {
-                    return;
+                    return [None; 4];
                 }
-                let (u, v) = (camera.fx * point.x / point.z, camera.fy * point.y / point.z);
-                for (side, coordinate) in [u, v, -u, -v].into_iter().enumerate() {
-                    if coordinate < outermost[side].0 {
-                        outermost[side] = (coordinate, corner);
+                let inverse = 1.0 / point.z;
+                let (u, v) = (camera.fx * point.x * inverse, camera.fy * point.y * inverse);
+                for (best, coordinate) in outermost.iter_mut().zip([u, v, -u, -v]) {
+                    if coordinate < best.0 {
+                        *best = (coordinate, corner);
                     }
                 }
             }
         }
-        let s2 = square(p.bbox_sigma);
-        let scale = square(p.noise_sigma) / s2;
-        for (side, (coordinate, corner)) in outermost.into_iter().enumerate() {
-            let observed = p.bbox[side];
-            if observed.is_nan() {
+        core::array::from_fn(|side| {
+            let (coordinate, corner) = outermost[side];
+            let projected = if side < 2 { coordinate } else { -coordinate };
+            let residual = projected - self.priors.bbox[side];
+            (!residual.is_nan()).then_some(Side { corner, axis: side % 2, residual })
+        })
+    }
+
+    fn add_bbox_rows<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
+        let Some((kernel, scale)) = self.bbox_kernel() else { return };
+        for side in self.bbox_residuals(state).into_iter().flatten() {
+            let weight = scale * kernel.evaluate(square(side.residual)).1;
+            if weight == 0.0 {
                 continue;
             }
-            let residual = if side < 2 { coordinate } else { -coordinate } - observed;
-            let (rho, weight) = Kernel::Tukey { c2: square(BBOX_CUT) * s2 }.evaluate(square(residual));
-            normal.cost += scale * rho;
-            if let Some(jacobian) = point_jacobian(camera, pose, corner, [0.0; 2]) {
-                let mut j = [0.0; D];
-                j[..6].copy_from_slice(&jacobian.pose[side % 2]);
-                add_row(normal, &j, residual, scale * weight);
+            if let Some(jacobian) = point_jacobian(&self.view.camera, &state.pose, side.corner, [0.0; 2]) {
+                add_pose_row(normal, &jacobian.pose[side.axis], side.residual, weight);
             }
         }
     }
+}
+
+/// How far an object is from upright.
+struct Tilted {
+    down: Vector3<f64>,
+    axes: [Vector3<f64>; 2],
+    q: [f64; 2],
+    norm2: f64,
+}
+
+/// One side of the 2D box against the corner of the 3D box that should touch it.
+#[derive(Clone, Copy)]
+struct Side {
+    corner: [f64; 3],
+    /// 0: left or right, 1: top or bottom.
+    axis: usize,
+    /// Pixels, projected minus observed.
+    residual: f64,
 }

@@ -128,7 +128,7 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
     objective.priors.use_bbox = stage.bbox;
     let mut noise_scale = f64::NAN;
     if let StageKernel::NoiseTukey = stage.kernel {
-        let noise = objective.estimate_noise(&state.pose, scratch);
+        let noise = objective.estimate_noise(&state.pose);
         objective.priors.noise_sigma = noise.sigma;
         noise_scale = objective.noise.tukey_scale(noise);
     }

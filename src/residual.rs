@@ -20,13 +20,15 @@ pub struct Block {
     pub(crate) weight: Lanes,
     /// Weight in the current stage: `weight`, or zero for a point left out.
     pub(crate) active: Lanes,
+    /// Squared residual at the pose measured last, pixels squared.
+    pub(crate) r2: Lanes,
 }
 
 impl Block {
     /// A block without points.
     pub(crate) const EMPTY: Self = {
         let zero = Lanes::splat(0.0);
-        Self { u: zero, v: zero, x: zero, y: zero, z: zero, weight: zero, active: zero }
+        Self { u: zero, v: zero, x: zero, y: zero, z: zero, weight: zero, active: zero, r2: zero }
     };
 }
 

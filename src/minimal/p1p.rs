@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 use super::MinimalSolver;
 use crate::camera::View;
 use crate::math::{norm2, sqrt};
-use crate::object::{Bbox, Footprint, ShapeModel};
+use crate::object::{Bbox, Footprint, MAX_CORNERS, ShapeModel};
 use crate::observation::Observation;
 use crate::pose::{Pose, yaw_rotation};
 
@@ -54,30 +54,37 @@ pub struct P1p<'a> {
     cases: Cases,
 }
 
-/// Coefficients of `a l_C + p cos + q sin + g = 0`: one corner on one plane.
-struct CornerOnPlane {
+/// One plane seen from one keypoint: corner `c` lies on it when `a l_C + p_c cos + q_c sin + g = 0`.
+struct PlaneEquation {
     a: f64,
-    p: f64,
-    q: f64,
     g: f64,
+    /// `(p, q)` of every corner.
+    corners: [(f64, f64); MAX_CORNERS],
 }
 
-impl CornerOnPlane {
+impl PlaneEquation {
     #[inline(always)]
-    fn new(plane: &Vector3<f64>, ray: &Vector3<f64>, offset: [f64; 3]) -> Self {
-        let [dx, dy, dz] = offset;
-        Self {
-            a: plane.dot(ray),
+    fn new(
+        plane: &Vector3<f64>,
+        touching_y: f64,
+        footprint: &Footprint,
+        ray: &Vector3<f64>,
+        keypoint: [f64; 3],
+    ) -> Self {
+        let mut corners = [(0.0, 0.0); MAX_CORNERS];
+        for (pq, &[x, z]) in corners.iter_mut().zip(footprint.corners()) {
+            let (dx, dz) = (x - keypoint[0], z - keypoint[2]);
             // R(yaw) d = (c dx + s dz, dy, c dz - s dx)
-            p: plane.x * dx + plane.z * dz,
-            q: plane.x * dz - plane.z * dx,
-            g: plane.y * dy,
+            *pq = (plane.x * dx + plane.z * dz, plane.x * dz - plane.z * dx);
         }
+        Self { a: plane.dot(ray), g: plane.y * (touching_y - keypoint[1]), corners }
     }
 
+    /// Whether all corners are on the inner side, give or take the tolerance.
     #[inline(always)]
-    fn distance(&self, cosine: f64, sine: f64) -> f64 {
-        -(self.p * cosine + self.q * sine + self.g) / self.a
+    fn holds(&self, count: usize, cosine: f64, sine: f64, distance: f64) -> bool {
+        let limit = -(FEASIBILITY_TOLERANCE + self.a) * distance - self.g;
+        self.corners[..count].iter().all(|(p, q)| p * cosine + q * sine >= limit)
     }
 }
 
@@ -93,50 +100,36 @@ impl<'a> P1p<'a> {
         };
         Self { view, observation, planes, footprint, touching_y: touching_heights(&planes, model), cases }
     }
+}
 
-    /// Both solutions of one case, before the test of feasibility: cosine, sine, distance.
-    #[inline(always)]
-    fn case(&self, ray: &Vector3<f64>, keypoint: [f64; 3], left: usize, right: usize) -> [Option<(f64, f64, f64)>; 2] {
-        let on = |plane: usize, corner: usize| {
-            let [x, z] = self.footprint.corners()[corner];
-            let offset = [x - keypoint[0], self.touching_y[plane] - keypoint[1], z - keypoint[2]];
-            CornerOnPlane::new(&self.planes[plane], ray, offset)
-        };
-        let (on_left, on_right) = (on(0, left), on(1, right));
-        // l_C eliminated: p cos + q sin + g = 0
-        let p = on_right.a * on_left.p - on_left.a * on_right.p;
-        let q = on_right.a * on_left.q - on_left.a * on_right.q;
-        let g = on_right.a * on_left.g - on_left.a * on_right.g;
-        let norm_squared = p * p + q * q;
-        let discriminant = norm_squared - g * g;
-        if discriminant <= 0.0 {
-            return [None, None];
-        }
-        let (inverse, root) = (1.0 / norm_squared, sqrt(discriminant));
-        // Of the two equations the one whose plane is further from the ray gives the distance.
-        let equation = if on_left.a.abs() > on_right.a.abs() { &on_left } else { &on_right };
-        [1.0, -1.0].map(|sign| {
-            let cosine = (-g * p + sign * root * q) * inverse;
-            let sine = (-g * q - sign * root * p) * inverse;
-            let distance = equation.distance(cosine, sine);
-            (distance > 0.0).then_some((cosine, sine, distance))
-        })
+/// Both solutions of one case, before the test of feasibility: cosine, sine, distance.
+#[inline(always)]
+fn solve_case(
+    on_left: &PlaneEquation,
+    on_right: &PlaneEquation,
+    left: usize,
+    right: usize,
+) -> [Option<(f64, f64, f64)>; 2] {
+    let ((p_left, q_left), (p_right, q_right)) = (on_left.corners[left], on_right.corners[right]);
+    // l_C eliminated: p cos + q sin + g = 0
+    let p = on_right.a * p_left - on_left.a * p_right;
+    let q = on_right.a * q_left - on_left.a * q_right;
+    let g = on_right.a * on_left.g - on_left.a * on_right.g;
+    let norm_squared = p * p + q * q;
+    let discriminant = norm_squared - g * g;
+    if discriminant <= 0.0 {
+        return [None, None];
     }
-
-    /// Whether all corners of the 3D box lie between the two planes.
-    #[inline(always)]
-    fn is_feasible(&self, ray: &Vector3<f64>, keypoint: [f64; 3], cosine: f64, sine: f64, distance: f64) -> bool {
-        let tolerance = -FEASIBILITY_TOLERANCE * distance;
-        (0..2).all(|k| {
-            let plane = &self.planes[k];
-            let at_keypoint = distance * plane.dot(ray) + plane.y * (self.touching_y[k] - keypoint[1]);
-            let (along, across) = (plane.x * cosine - plane.z * sine, plane.x * sine + plane.z * cosine);
-            self.footprint
-                .corners()
-                .iter()
-                .all(|&[x, z]| at_keypoint + along * (x - keypoint[0]) + across * (z - keypoint[2]) >= tolerance)
-        })
-    }
+    let (inverse, root) = (1.0 / norm_squared, sqrt(discriminant));
+    // Of the two equations the one whose plane is further from the ray gives the distance.
+    let (plane, (p_plane, q_plane)) =
+        if on_left.a.abs() > on_right.a.abs() { (on_left, (p_left, q_left)) } else { (on_right, (p_right, q_right)) };
+    [1.0, -1.0].map(|sign| {
+        let cosine = (-g * p + sign * root * q) * inverse;
+        let sine = (-g * q - sign * root * p) * inverse;
+        let distance = -(p_plane * cosine + q_plane * sine + plane.g) / plane.a;
+        (distance > 0.0).then_some((cosine, sine, distance))
+    })
 }
 
 /// For each plane the height of the 3D box (top or bottom) at which it touches the box: the sign of the
@@ -165,9 +158,15 @@ impl MinimalSolver<1> for P1p<'_> {
     fn solve(&self, [index]: [usize; 1], emit: &mut impl FnMut(Pose)) {
         let ray = self.view.ground_ray(self.observation.keypoints_2d()[index]);
         let keypoint = self.observation.model().mean()[index];
+        let equation =
+            |k: usize| PlaneEquation::new(&self.planes[k], self.touching_y[k], &self.footprint, &ray, keypoint);
+        let (on_left, on_right) = (equation(0), equation(1));
+        let count = self.footprint.corners().len();
         let mut try_case = |left: usize, right: usize| {
-            for (cosine, sine, distance) in self.case(&ray, keypoint, left, right).into_iter().flatten() {
-                if self.is_feasible(&ray, keypoint, cosine, sine, distance) {
+            for (cosine, sine, distance) in solve_case(&on_left, &on_right, left, right).into_iter().flatten() {
+                let feasible =
+                    on_left.holds(count, cosine, sine, distance) && on_right.holds(count, cosine, sine, distance);
+                if feasible {
                     emit(pose_at(self.view, &ray, keypoint, cosine, sine, distance));
                 }
             }
@@ -175,9 +174,8 @@ impl MinimalSolver<1> for P1p<'_> {
         match self.cases {
             Cases::Paper => PAPER_CASES.iter().for_each(|&(left, right)| try_case(left, right)),
             Cases::All => {
-                let corners = self.footprint.corners().len();
-                for left in 0..corners {
-                    for right in (0..corners).filter(|&right| right != left) {
+                for left in 0..count {
+                    for right in (0..count).filter(|&right| right != left) {
                         try_case(left, right);
                     }
                 }

@@ -101,11 +101,7 @@ pub(crate) fn solve_p3p(points: [Vector3<f64>; 3], rays: [Vector3<f64>; 3], emit
         return;
     };
 
-    let edges = [points[1] - points[0], points[2] - points[0]];
-    let model_frame = Matrix3::from_columns(&[edges[0], edges[1], edges[0].cross(&edges[1])]);
-    let Some(inverse_model_frame) = model_frame.try_inverse() else {
-        return;
-    };
+    let model_frame = triangle_frame(&points);
     for line in lines {
         for direction in line_meets_conic(&line, &c1) {
             let sign = copysign(1.0, direction.x + direction.y + direction.z);
@@ -116,14 +112,22 @@ pub(crate) fn solve_p3p(points: [Vector3<f64>; 3], rays: [Vector3<f64>; 3], emit
             }
             let d = depths.polished(d * sqrt(a23 / length));
             let y: [Vector3<f64>; 3] = core::array::from_fn(|i| m[i] * d[i]);
-            let (e0, e1) = (y[1] - y[0], y[2] - y[0]);
-            let r = Matrix3::from_columns(&[e0, e1, e0.cross(&e1)]) * inverse_model_frame;
+            let r = triangle_frame(&y) * model_frame.transpose();
             let pose = Pose { r, t: y[0] - r * points[0] };
             if d.min() > 0.0 && pose.is_finite() {
                 emit(pose);
             }
         }
     }
+}
+
+/// Rotation whose axes are a triangle's first side, the direction in its plane across it, and its normal; NaN for
+/// points on a line. A rotation made of two of these is one however thin the triangle.
+fn triangle_frame(points: &[Vector3<f64>; 3]) -> Matrix3<f64> {
+    let side = points[1] - points[0];
+    let normal = side.cross(&(points[2] - points[0])).normalize();
+    let along = side.normalize();
+    Matrix3::from_columns(&[along, normal.cross(&along), normal])
 }
 
 /// The two lines of the best degenerate conic `c1 + gamma c2` whose lines are real.

@@ -1,9 +1,8 @@
 """The linear system of EPnP and the pose from its kernel by Procrustes: what EPPnP and REPPnP share.
 
-Every point is a fixed affine combination of control points (Lepetit, Moreno-Noguer, Fua, IJCV 2009, sec. 3.1 and
-3.2; three control points when the object is planar), so the camera coordinates of the control points are in the
-kernel of a linear system.
-"""
+Every point is a fixed affine combination of control points (Lepetit, Moreno-Noguer, Fua, IJCV 2009, sec. 3.1
+and 3.2; three control points when the object is planar), so the camera coordinates of the control points are
+in the kernel of a linear system."""
 
 from __future__ import annotations
 
@@ -16,7 +15,8 @@ from groundpose.evaluate.baselines.geometry import Array, Pose, align, best_pose
 PLANAR = 1e-6
 """Thickness over extent below which an object counts as planar."""
 KERNEL = 4
-"""Kernel vectors of a general object that are considered (Ferraz et al. 2014, sec. 3.2)."""
+"""Kernel vectors that are considered (Ferraz et al. 2014, sec. 3.2, for a general object). A planar object
+gets as many, our choice: with one its rotation error is three times larger."""
 ALTERNATIONS = 10
 
 
@@ -52,9 +52,9 @@ class System:
         M = np.zeros((2, len(W), 3, C))
         for k in range(2):
             M[k, :, k], M[k, :, 2] = W, -u[:, k, None] * W
-        M = (M * used[None, :, None, None]).reshape(-1, 3 * C)
-        vectors = np.linalg.eigh(M.T @ M)[1]
-        return np.asarray(vectors[:, : KERNEL if C == 4 else 1][:, ::-1])
+        rows = (M * used[None, :, None, None]).reshape(-1, 3 * C)
+        vectors = np.linalg.eigh(rows.T @ rows)[1]
+        return np.asarray(vectors[:, :KERNEL][:, ::-1])
 
     def algebraic_errors(self, v: Array) -> Array:
         """(n,) norm of each point's two equations at the control points `v` (3C,)."""
@@ -72,18 +72,18 @@ class System:
         first = kernel[:, -1].reshape(3, -1).T
         if np.mean(self.weights[rows] @ first[:, 2]) < 0.0:
             first = -first
-        poses = [self._aligned(first)]
+        pose = self._aligned(first)
         least = float("inf")
-        for _ in range(ALTERNATIONS if kernel.shape[1] > 1 else 0):
-            R, t = poses[-1]
+        for _ in range(ALTERNATIONS):
+            R, t = pose
             target = (self.controls @ R.T + t).T.ravel()
             nearest = kernel @ (kernel.T @ target)
             error = float(np.linalg.norm(nearest - target) / np.linalg.norm(target))
             if error >= least * (1.0 - 1e-9):
                 break
             least = error
-            poses.append(self._aligned(nearest.reshape(3, -1).T))
-        return best_pose(self.X[rows], self.x[rows], poses[-1:])
+            pose = self._aligned(nearest.reshape(3, -1).T)
+        return best_pose(self.X[rows], self.x[rows], [pose])
 
     def _aligned(self, camera: Array) -> Pose:
         """Pose from control points in the camera up to scale."""

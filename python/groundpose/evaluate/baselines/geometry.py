@@ -19,7 +19,8 @@ def normalised(pixels: Array, camera: Any) -> Array:
 
 
 def align(X: Array, Y: Array) -> tuple[Array, Array, float]:
-    """Rotation, translation and scale s that minimise sum |s R X + t - Y|^2 (Umeyama, PAMI 1991, eq. 40-42)."""
+    """Rotation, translation and scale s that minimise sum |s R X + t - Y|^2 (Umeyama, PAMI 1991, eq.
+    40-42)."""
     X_mean, Y_mean = X.mean(axis=0), Y.mean(axis=0)
     X0, Y0 = X - X_mean, Y - Y_mean
     U, D, Vt = np.linalg.svd(Y0.T @ X0)

@@ -1,11 +1,10 @@
 """OPnP: Zheng, Kuang, Sugimoto, Astrom, Okutomi, "Revisiting the PnP Problem: A Fast, General and Optimal
 Solution", ICCV 2013.
 
-A quaternion of free length carries the reciprocal of the mean depth as a scale, so the cost is a quartic without
-constraint (paper, eq. 5 to 10). The paper finds its stationary points, four cubic equations, with a Groebner basis
-and polishes them with Newton's method ("OPnP+N"); here Newton's method starts from a cover of all rotations, see
-`quaternion`, so its answer is polished already.
-"""
+A quaternion of free length carries the reciprocal of the mean depth as a scale, so the cost is a quartic
+without constraint (paper, eq. 5 to 10). The paper finds its stationary points, four cubic equations, with a
+Groebner basis and polishes them with Newton's method ("OPnP+N"); here Newton's method starts from a cover of
+all rotations, see `quaternion`, so its answer is polished already."""
 
 from __future__ import annotations
 
@@ -19,7 +18,8 @@ def opnp(X: Array, x: Array) -> Pose | None:
     """`X` (n, 3), `x` (n, 2) normalised image, n >= 4."""
     n, mean = len(X), X.mean(axis=0)
     X0 = X - mean
-    # with the mean depth 1: (1 + r3 . X0_i) x_i = r1 . X0_i + t1, and the same with y, r2, t2 (t of the centroid)
+    # with the mean depth 1: (1 + r3 . X0_i) x_i = r1 . X0_i + t1, and the same with y, r2, t2 (t of the
+    # centroid)
     A = np.zeros((2, n, 9))
     for k in range(2):
         A[k, :, 6:], A[k, :, 3 * k : 3 * k + 3] = x[:, k, None] * X0, -X0

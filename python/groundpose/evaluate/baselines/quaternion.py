@@ -1,10 +1,9 @@
 """Minima of a cost that is quadratic in a rotation matrix given by a quaternion: what ASPnP and OPnP share.
 
-Both papers write the cost as f(q) = r(q)' M r(q) + 2 b' r(q) with r(q) the nine entries of q's (scaled) rotation
-matrix, quadratic in q, and find all its stationary points with a Groebner basis. Only minima matter for
-the pose, so here they are found by a damped Newton method from 24 rotations that cover all rotations (the symmetries
-of the cube, at most 63 degrees from any), all at once, with the exact gradient and Hessian.
-"""
+Both papers write the cost as f(q) = r(q)' M r(q) + 2 b' r(q) with r(q) the nine entries of q's (scaled)
+rotation matrix, quadratic in q, and find all its stationary points with a Groebner basis. Only minima matter
+for the pose, so here they are found by a damped Newton method from 24 rotations that cover all rotations (the
+symmetries of the cube, at most 63 degrees from any), all at once, with the exact gradient and Hessian."""
 
 from __future__ import annotations
 

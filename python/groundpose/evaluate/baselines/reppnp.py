@@ -1,11 +1,10 @@
 """REPPnP: Ferraz, Binefa, Moreno-Noguer, "Very Fast Solution to the PnP Problem with Algebraic Outlier
 Rejection", CVPR 2014, sec. 3.1.
 
-Starting with all points, the kernel vector of the linear system of the points in use is found, and points whose
-algebraic error exceeds max(quartile of all errors, delta_max) are left out of the next round; it ends when the
-quartile does not fall any more. Then EPPnP on what is left. No random samples; half of the points being outliers is
-its limit by design.
-"""
+Starting with all points, the kernel vector of the linear system of the points in use is found, and points
+whose algebraic error exceeds max(quartile of all errors, delta_max) are left out of the next round; it ends
+when the quartile does not fall any more. Then EPPnP on what is left. No random samples; half of the points
+being outliers is its limit by design."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def _candidates(X: Array, x: Array, rays: Array, i: int, j: int) -> Iterator[Pos
 
 
 def _quartics(X: Array, rays: Array, i: int, j: int) -> Array:
-    """(n - 2, 5) coefficients, highest power first, of every subset (i, j, k) in w = depth_j / depth_i - c_ij.
+    """(n - 2, 5) coefficients, highest power first, of all subsets (i, j, k); w = depth_j / depth_i - c_ij.
 
     With depths 1, u, v and the law of cosines (Grunert 1841):  1 + v^2 - 2 v c_ik = a Q,
     u^2 + v^2 - 2 u v c_jk = b Q,  Q = 1 + u^2 - 2 u c_ij,  a = d_ik^2 / d_ij^2,  b = d_jk^2 / d_ij^2.
@@ -82,8 +82,8 @@ def _local_minima(quartics: Array) -> Array:
 def _about_axis(X: Array, x: Array, R_axis: Array, axis: Array) -> Pose | None:
     """Angle about the axis and translation by a linear system, then depths and alignment (paper, sec. 3.3).
 
-    R = exp(angle [axis]) R_axis, so R X = cos P + sin Q + S, with P the part of R_axis X across the axis, Q = axis x P
-    and S the part along it; unknowns cos, sin, t up to scale.
+    R = exp(angle [axis]) R_axis, so R X = cos P + sin Q + S, with P the part of R_axis X across the axis,
+    Q = axis x P and S the part along it; unknowns cos, sin, t up to scale.
     """
     turned = X @ R_axis.T
     S = np.outer(turned @ axis, axis)
@@ -95,8 +95,8 @@ def _about_axis(X: Array, x: Array, R_axis: Array, axis: Array) -> Pose | None:
         for column, part in ((0, P), (1, Q), (5, S)):
             A[k, :, column] = part[:, k] - x[:, k] * part[:, 2]
         A[k, :, 2 + k], A[k, :, 4] = 1.0, -x[:, k]
-    A = A.reshape(-1, 6)
-    v = np.linalg.eigh(A.T @ A)[1][:, 0]
+    rows = A.reshape(-1, 6)
+    v = np.linalg.eigh(rows.T @ rows)[1][:, 0]
     if abs(v[5]) < 1e-12:
         return None
     cosine, sine, *t = v[:5] / v[5]
