@@ -130,6 +130,10 @@ WRONG_VALUE = {
     "max_iterations zero": (lambda: gp.Options(max_iterations=0), "max_iterations: "),
     "min_keypoints two": (lambda: gp.Options(min_keypoints=2), "min_keypoints: "),
     "max_log10_nfa NaN": (lambda: gp.Options(max_log10_nfa=np.nan), "max_log10_nfa: "),
+    "solver without the height it needs": (
+        lambda: call(options=gp.Options(solver="p1p_height")),
+        "view: expected a height.*got none",
+    ),
     "seed negative": (lambda: gp.Options(seed=-1), "seed: "),
     "seed huge": (lambda: gp.Options(seed=2**80), "seed: "),
 }

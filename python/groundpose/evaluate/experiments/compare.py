@@ -104,5 +104,7 @@ def compare_folders(baseline: Path, results: Path) -> list[Difference]:
     before, after = stored(baseline), stored(results)
     shared = [name for name in before if name in after]
     if not shared:
-        raise ValueError(f"{results}: expected results of {', '.join(before) or 'a baseline'}, got none of them")
+        raise ValueError(
+            f"{results}: expected results of {', '.join(before) or 'a baseline'}, got none of them"
+        )
     return [d for name in shared for d in compare(before[name], after[name])]

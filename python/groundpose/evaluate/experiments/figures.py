@@ -145,16 +145,22 @@ FIGURES: dict[str, tuple[str, tuple[tuple[Panel, ...], ...], dict[str, Style]]] 
 def draw(
     results: Results, title: str, rows: tuple[tuple[Panel, ...], ...], styles: dict[str, Style], outliers: str
 ) -> Figure:
-            """One figure with one legend; panels without results stay empty.""" legend_rows = -(-len(styles)
-            // 5) size = (15.0, 3.1 * len(rows) + 0.28 * legend_rows + 0.6) figure = Figure(figsize=size,
-            layout="constrained") kind = "in the whole image" if outliers == "image" else "in the object's
-            box" figure.suptitle(f"{title}; outliers {kind}", fontsize=13) grid =
-            figure.add_gridspec(len(rows), 12) handles: dict[str, Any] = {} for i, row in enumerate(rows):
-            width = 12 // max(len(row), 3) for j, panel in enumerate(row): axes = figure.add_subplot(grid[i, j
-            * width : (j + 1) * width]) handles |= _panel(axes, results, panel, styles, outliers) if handles:
-            figure.legend( list(handles.values()), list(handles), loc="outside lower center", ncols=5,
-            fontsize=9, frameon=False
-        )
+    """One figure with one legend; panels without results stay empty."""
+    legend_rows = -(-len(styles) // 5)
+    size = (15.0, 3.1 * len(rows) + 0.28 * legend_rows + 0.6)
+    figure = Figure(figsize=size, layout="constrained")
+    kind = "in the whole image" if outliers == "image" else "in the object's box"
+    figure.suptitle(f"{title}; outliers {kind}", fontsize=13)
+    grid = figure.add_gridspec(len(rows), 12)
+    handles: dict[str, Any] = {}
+    for i, row in enumerate(rows):
+        width = 12 // max(len(row), 3)
+        for j, panel in enumerate(row):
+            axes = figure.add_subplot(grid[i, j * width : (j + 1) * width])
+            handles |= _panel(axes, results, panel, styles, outliers)
+    if handles:
+        lines, names = list(handles.values()), list(handles)
+        figure.legend(lines, names, loc="outside lower center", ncols=5, fontsize=9, frameon=False)
     return figure
 
 

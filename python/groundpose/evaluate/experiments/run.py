@@ -80,8 +80,10 @@ def run(
 ) -> Store:
     """Measure what is missing of an experiment and store it after every task; jobs processes of one
     thread."""
-    store = Store.open(folder, experiment, trials, seed, fresh)
+    store = Store.open(folder, experiment, trials, seed)
     wanted = select(experiment, methods)
+    if fresh:
+        store.forget(list(wanted))
     keys = [s.key for s in settings_of(experiment)]
     left = tasks(store, wanted)
     advance(0, len(left), "")

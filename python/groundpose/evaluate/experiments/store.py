@@ -40,16 +40,16 @@ class Store:
         return cls(path, **head, microseconds=times["microseconds"], environment=times["environment"])
 
     @classmethod
-    def open(cls, folder: Path, experiment: str, trials: int, seed: int, fresh: bool = False) -> Store:
+    def open(cls, folder: Path, experiment: str, trials: int, seed: int) -> Store:
         """What is there already, to be continued. ValueError when it was made with other trials or seed."""
         path = folder / f"{experiment}.json"
-        if fresh or not path.exists():
+        if not path.exists():
             return cls(path, experiment, trials, seed)
         store = cls.read(path)
         if (store.trials, store.seed) != (trials, seed):
             raise ValueError(
                 f"{path}: expected results of {trials} trials and seed {seed}, got {store.trials} trials and "
-                f"seed {store.seed}; use --fresh to measure again or another --out"
+                f"seed {store.seed}; remove it or use another --out"
             )
         return store
 
@@ -61,6 +61,13 @@ class Store:
         """Finished methods of one setting."""
         self.results.setdefault(setting, {}).update(numbers)
         self.microseconds.setdefault(setting, {}).update(microseconds)
+
+    def forget(self, methods: list[str]) -> None:
+        """Measure these again."""
+        for cells in (self.results, self.microseconds):
+            for cell in cells.values():
+                for name in methods:
+                    cell.pop(name, None)
 
     def write(self, settings: list[str], methods: dict[str, str]) -> None:
         """Store in the order of settings and methods, whatever order they were finished in."""
