@@ -61,12 +61,14 @@ impl Footprint {
         require((3..=MAX_CORNERS).contains(&n), "footprint", "3 to 16 corners [x, z]", Got::Count(n))?;
         let finite = corners.iter().flatten().all(|x| x.is_finite());
         require(finite, "footprint", "finite numbers", Got::Text("NaN or infinite"))?;
-        let turn = |i: usize| {
-            let [a, b, c] = [corners[i], corners[(i + 1) % n], corners[(i + 2) % n]];
-            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+        // Every other corner on the same side of every edge: a star turns the same way at each corner, too.
+        let side = |i: usize, k: usize| {
+            let [a, b, c] = [corners[i], corners[(i + 1) % n], corners[k]];
+            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         };
-        let orientation = turn(0);
-        let convex = orientation != 0.0 && (0..n).all(|i| turn(i) * orientation > 0.0);
+        let orientation = side(0, 2);
+        let others = |i: usize| (0..n).filter(move |&k| k != i && k != (i + 1) % n);
+        let convex = (0..n).all(|i| others(i).all(|k| side(i, k) * orientation > 0.0));
         require(convex, "footprint", "a convex outline", Got::Text("a reflex or straight corner"))?;
         let mut padded = [[0.0; 2]; MAX_CORNERS];
         padded[..n].copy_from_slice(corners);

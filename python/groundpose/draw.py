@@ -143,20 +143,6 @@ def footprint_on_ground(poses: PoseBatch, index: int, R: FloatArray, t: FloatArr
     return np.asarray((points @ poses.view.R_camera_from_ground)[:, [0, 2]])
 
 
-def distort(poses: PoseBatch, pixels: FloatArray) -> FloatArray:
-    """Pixels (..., 2) of an ideal lens where the camera's lens shows them (OpenCV's model)."""
-    camera = poses.view.camera
-    if camera.distortion is None:
-        return pixels
-    k1, k2, p1, p2, k3 = camera.distortion
-    x, y = (pixels[..., 0] - camera.cx) / camera.fx, (pixels[..., 1] - camera.cy) / camera.fy
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    u = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    v = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return np.stack([camera.fx * u + camera.cx, camera.fy * v + camera.cy], axis=-1)
-
-
 def _draw_object(axes: Axes, poses: PoseBatch, index: int) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
@@ -173,7 +159,7 @@ def _draw_object(axes: Axes, poses: PoseBatch, index: int) -> None:
             LineCollection([line for line in lines if line is not None], colors=POSE_LIGHT, linewidths=1.7)
         )
         if (camera_corners[list(_FRONT), 2] > _NEAR).all():
-            front = distort(poses, poses.view.project(camera_corners[list(_FRONT)]))
+            front = poses.view.camera.distort(poses.view.project(camera_corners[list(_FRONT)]))
             axes.add_collection(PolyCollection([front], facecolors=POSE_LIGHT, alpha=0.4))
         label += f"  {np.linalg.norm(pose.t):.0f} m"
     _label(axes, label, corners, POSE if pose.ok else NO_POSE)
@@ -206,7 +192,7 @@ def _segment(poses: PoseBatch, ends: FloatArray) -> FloatArray | None:
         ends[behind] = ends[1 - behind] + share * (ends[behind] - ends[1 - behind])
         ends[behind, 2] = _NEAR
     steps = np.linspace(0.0, 1.0, 2 if poses.view.camera.distortion is None else 12)[:, None]
-    return distort(poses, poses.view.project(ends[0] + steps * (ends[1] - ends[0])))
+    return poses.view.camera.distort(poses.view.project(ends[0] + steps * (ends[1] - ends[0])))
 
 
 def _draw_keypoints(axes: Axes, poses: PoseBatch) -> None:
@@ -228,7 +214,7 @@ def _scatter(axes: Axes, points: FloatArray, **style: Any) -> None:
 
 def _missing(poses: PoseBatch, pose: Pose, seen: NDArray[np.bool_]) -> FloatArray:
     points = pose.keypoints_3d[~seen[: len(pose.keypoints_3d)]]
-    return distort(poses, poses.view.project(points @ pose.R.T + pose.t))
+    return poses.view.camera.distort(poses.view.project(points @ pose.R.T + pose.t))
 
 
 def _draw_footprint(axes: Axes, poses: PoseBatch, index: int) -> FloatArray:

@@ -125,6 +125,10 @@ class Camera(Value):
         """Pixels (N, 2) as an ideal lens would show them; NaN where the distortion cannot be undone."""
         return self._handle.undistort(shaped("pixels", pixels, ("N", 2)))
 
+    def distort(self, pixels: object) -> FloatArray:
+        """Pixels (N, 2) of an ideal lens where this lens shows them: the inverse of `undistort`."""
+        return self._handle.distort(shaped("pixels", pixels, ("N", 2)))
+
 
 @dataclass(frozen=True)
 class View(Value):

@@ -80,6 +80,11 @@ impl PyCamera {
             rows::<2, _>("pixels", &pixels)?.iter().map(|&p| self.0.undistort(p).unwrap_or([f64::NAN; 2])).collect();
         to_matrix(py, &undistorted)
     }
+
+    fn distort<'py>(&self, py: Python<'py>, pixels: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let distorted: Vec<[f64; 2]> = rows::<2, _>("pixels", &pixels)?.iter().map(|&p| self.0.distort(p)).collect();
+        to_matrix(py, &distorted)
+    }
 }
 
 #[pyclass(frozen, name = "View", module = "groundpose._core")]

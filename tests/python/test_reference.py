@@ -158,6 +158,7 @@ def test_undistort(case: dict[str, Any]) -> None:
     camera = _core.Camera(**case["camera"])
     found = camera.undistort(np.array(case["distorted"]))
     np.testing.assert_allclose(found, case["undistorted"], atol=1e-6)
+    np.testing.assert_allclose(camera.distort(np.array(case["undistorted"])), case["distorted"], atol=1e-6)
 
 
 # --- minimal solvers ------------------------------------------------------------------------------

@@ -105,6 +105,7 @@ TODAY = {
     "pycolmap": ("#D55E00", "-.", "o"),
 }
 Style = dict[str, Any]
+THIN: Style = {"linewidth": 1.1, "markersize": 3.5}
 
 
 def _paper_styles() -> dict[str, Style]:
@@ -173,8 +174,7 @@ def _panel(
         x, y = results.curve(panel.experiment, panel.curve, outliers, method, panel.quantity)
         seen = np.isfinite(y)
         if seen.any():
-            thin = {"linewidth": 1.1, "markersize": 3.5}
-            (handles[method],) = axes.plot(x[seen], y[seen], label=method, **thin, **style)
+            (handles[method],) = axes.plot(x[seen], y[seen], label=method, **THIN, **style)
     if panel.log and handles:
         axes.set_yscale("log")
     axes.set_title(f"({panel.letter}) {panel.experiment}", fontsize=10, loc="left")
@@ -196,7 +196,8 @@ def write(results: Results, folder: Path) -> list[Path]:
             figure = draw(results, title, rows, styles, outliers)
             path = folder / f"{name}_{outliers}"
             with matplotlib.rc_context({"svg.hashsalt": "groundpose", "svg.fonttype": "none"}):
-                FigureCanvasSVG(figure).print_svg(str(path.with_suffix(".svg")), metadata={"Date": None})
+                FigureCanvasSVG(figure)
+                figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
             FigureCanvasAgg(figure)
             figure.savefig(path.with_suffix(".png"), dpi=90, metadata={"Software": None})
             written += [path.with_suffix(".svg"), path.with_suffix(".png")]

@@ -12,6 +12,7 @@ from groundpose.evaluate.experiments.series import MICROSECONDS, Array, Results
 from groundpose.evaluate.experiments.settings import BBOX_ERROR_KINDS, EXPERIMENTS, OUTLIERS
 
 E_R, E_T, FAILURES = "mean_e_r_deg", "mean_e_t_percent", "failures"
+WORDS = {E_R: "mean e_r", E_T: "mean e_t", FAILURES: "failures"}
 P1P, P3P = "RNSC-P1P", "RNSC-P3P"
 FLAT = 1.1
 """A curve is flat when its largest mean is at most this times its value without error."""
@@ -19,8 +20,10 @@ WORKS = 0.05
 """A method works in a setting when at most this share of trials fails."""
 TIE = 1e-9
 """Numbers that are equal up to rounding are not worse than each other."""
-RACERS_ONLY_OURS = ("oracle", "ours")
+NO_RIVALS = ("oracle", "ours")
 Lines = list[str]
+Where = tuple[str, str, str]
+"""Experiment, curve, outlier model."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +40,16 @@ def _label(outliers: str) -> str:
     return "outliers in the image" if outliers == "image" else "outliers in the box"
 
 
-def _pair(results: Results, where: tuple[str, str, str], a: str, b: str, quantity: str) -> tuple[Array, Array,
-Array]: """x and the quantity of two methods where both have it."""
+def _pair(results: Results, where: Where, a: str, b: str, quantity: str) -> tuple[Array, Array, Array]:
+    """x and the quantity of two methods where both have it."""
     x, first = results.curve(*where, a, quantity)
     _, second = results.curve(*where, b, quantity)
     both = np.isfinite(first) & np.isfinite(second)
     return x[both], first[both], second[both]
+
+
+def _span(values: Array) -> str:
+    return f"{values.min():.3g} to {values.max():.3g}"
 
 
 def fewer_iterations(results: Results) -> Finding:
@@ -71,30 +78,31 @@ def fewer_iterations(results: Results) -> Finding:
     return Finding(claim, all(verdicts) if verdicts else None, numbers)
 
 
-def _span(values: Array) -> str:
-    return f"{values.min():.3g} to {values.max():.3g}"
-
-
 def more_accurate(results: Results) -> Finding:
-    """E1 and E2: one-point against three-point search, whatever follows.""" numbers, better, total = [], 0, 0
-    for outliers in OUTLIERS: for experiment, curve in (("E1", "outlier_ratio"), ("E2", "n_points")): for
-    quantity in (E_R, E_T): wins, count, ratios = 0, 0, [] for suffix in ("", *(f"+{p.name}" for p in (GN,
-    *PNPS))): _, one, three = _pair( results, (experiment, curve, outliers), P1P + suffix, P3P + suffix,
-    quantity ) wins, count = wins + int(np.sum(one <= three)), count + len(one) ratios += list(one / three) if
-    count: numbers.append( f"{experiment}, {_label(outliers)}, {_word(quantity)}: better in {wins} of {count}
-    pairs, " f"median ratio {np.median(ratios):.2f}" ) better, total = better + wins, total + count claim =
-    "RNSC-P1P, and RNSC-P1P followed by any method, is more accurate than RNSC-P3P followed by the same"
+    """E1 and E2: one-point against three-point search, whatever follows."""
+    numbers, better, total = [], 0, 0
+    for outliers in OUTLIERS:
+        for experiment, curve in (("E1", "outlier_ratio"), ("E2", "n_points")):
+            for quantity in (E_R, E_T):
+                ratios: list[float] = []
+                for suffix in ("", *(f"+{p.name}" for p in (GN, *PNPS))):
+                    where = (experiment, curve, outliers)
+                    _, one, three = _pair(results, where, P1P + suffix, P3P + suffix, quantity)
+                    ratios += list(one / three)
+                wins = sum(ratio <= 1.0 for ratio in ratios)
+                if ratios:
+                    head = f"{experiment}, {_label(outliers)}, {WORDS[quantity]}"
+                    share = f"{wins} of {len(ratios)} pairs"
+                    numbers.append(f"{head}: better in {share}, median ratio {np.median(ratios):.2f}")
+                better, total = better + wins, total + len(ratios)
+    claim = "RNSC-P1P, alone and followed by any method, is more accurate than RNSC-P3P followed by the same"
     return Finding(claim, better >= 0.95 * total if total else None, numbers)
-
-
-def _word(quantity: str) -> str:
-    return {E_R: "mean e_r", E_T: "mean e_t", FAILURES: "failures"}[quantity]
 
 
 def reppnp_breaks(results: Results) -> Finding:
     """E1 and E2: where REPPnP stops working."""
     numbers: Lines = []
-    above, below_200 = [], []
+    verdicts: list[bool] = []
     for outliers in OUTLIERS:
         x, share = results.curve("E1", "outlier_ratio", outliers, "REPPnP", FAILURES)
         n, share_n = results.curve("E2", "n_points", outliers, "REPPnP", FAILURES)
@@ -103,24 +111,34 @@ def reppnp_breaks(results: Results) -> Finding:
                 text = ", ".join(f"{a:g}: {100 * v:.1f} %" for a, v in zip(at, values, strict=True))
                 numbers.append(f"{_label(outliers)}, failures over {name}: {text}")
         if np.isfinite(share).all() and np.isfinite(share_n).all():
-            above.append(bool(np.all(share[x > 0.5 + TIE] > WORKS)))
-            below_200.append(bool(np.all(share_n[n < 200] > share_n[n >= 200].max())))
+            verdicts.append(bool(np.all(share[x > 0.5 + TIE] > WORKS)))
+            verdicts.append(bool(np.all(share_n[n < 200] > share_n[n >= 200].max())))
     claim = "REPPnP frequently fails above 50 % outliers and with fewer than 200 points"
-    return Finding(claim, all(above) and all(below_200) if above else None, numbers)
+    return Finding(claim, all(verdicts) if verdicts else None, numbers)
 
 
 def crossings(results: Results) -> Finding:
-        """E3 and E4: how far off pitch and box may be before P1P+GN is no better than P3P+GN.""" numbers,
-        verdicts = [], [] for outliers in OUTLIERS: curves = [("E3", "pitch_error_deg", 1.5, "deg")] curves +=
-        [("E4", f"bbox_error {kind}", 2.0, "px") for kind in BBOX_ERROR_KINDS] for experiment, curve, limit,
-        unit in curves: for suffix in ("", "+GN"): where = (experiment, curve, outliers) x, one, three =
-        _pair(results, where, P1P + suffix, P3P + suffix, E_R) if not len(x): continue good = one <= three
-        inside, outside = np.abs(x) <= limit, np.abs(x) > limit + 1.0 verdicts.append(bool(good[inside].all()
-        and not good[outside].any())) better = ", ".join(f"{v:g}" for v in x[good]) or "none" numbers.append(
-        f"{experiment} ({curve.replace('_', ' ')}), {_label(outliers)}: {P1P}{suffix} is better than "
-        f"{P3P}{suffix} in mean e_r at errors of {better} {unit}" ) claim = ( "RNSC-P1P-based methods are
-        better than RNSC-P3P-based ones while the pitch error is within 1.5 deg or the " "box error within 2
-        px, and worse otherwise (one step of doubt allowed)"
+    """E3 and E4: how far off pitch and box may be before P1P is no better than P3P."""
+    numbers, verdicts = [], []
+    curves = [("E3", "pitch_error_deg", 1.5, "deg")]
+    curves += [("E4", f"bbox_error {kind}", 2.0, "px") for kind in BBOX_ERROR_KINDS]
+    for outliers in OUTLIERS:
+        for experiment, curve, limit, unit in curves:
+            for suffix in ("", "+GN"):
+                where = (experiment, curve, outliers)
+                x, one, three = _pair(results, where, P1P + suffix, P3P + suffix, E_R)
+                if not len(x):
+                    continue
+                good = one <= three
+                inside, outside = np.abs(x) <= limit, np.abs(x) > limit + 1.0
+                verdicts.append(bool(good[inside].all() and not good[outside].any()))
+                better = ", ".join(f"{v:g}" for v in x[good]) or "none"
+                head = f"{experiment} ({curve.replace('_', ' ')}), {_label(outliers)}"
+                rivals = f"{P1P}{suffix} has a lower mean e_r than {P3P}{suffix}"
+                numbers.append(f"{head}: {rivals} at errors of {better} {unit}")
+    claim = (
+        "RNSC-P1P-based methods are better than RNSC-P3P-based ones while the pitch error is within 1.5 deg "
+        "or the box error within 2 px, and worse otherwise (one step of doubt allowed)"
     )
     return Finding(claim, all(verdicts) if verdicts else None, numbers)
 
@@ -128,21 +146,20 @@ def crossings(results: Results) -> Finding:
 def hre_is_flat(results: Results) -> Finding:
     """HRE: how much the curves rise."""
     numbers, verdicts = [], []
+    methods = ("RNSC-P1P+HRE", "RNSC-P1P+GN", "ours, default", "ours, no priors")
     for outliers in OUTLIERS:
         for curve in ("pitch_error_deg", *(f"bbox_error {kind}" for kind in BBOX_ERROR_KINDS)):
-            texts = []
-            for method in ("RNSC-P1P+HRE", "RNSC-P1P+GN", "ours, default", "ours, no priors"):
+            rises = {}
+            for method in methods:
                 x, y = results.curve("HRE", curve, outliers, method, E_R)
-                if np.isfinite(y).all() and np.any(x == 0.0):
-                    rise = float(y.max() / y[x == 0.0][0])
-                    texts.append(f"{method} {rise:.2f}")
-                    if method == "RNSC-P1P+HRE":
-                        verdicts.append(rise <= FLAT)
-            if texts:
-                numbers.append(
-                    f"{curve.replace('_', ' ')}, {_label(outliers)}, largest mean e_r / that without error: "
-                    + ", ".join(texts)
-                )
+                if np.isfinite(y).all():
+                    rises[method] = float(y.max() / y[x == 0.0][0])
+            if rises:
+                text = ", ".join(f"{method} {rise:.2f}" for method, rise in rises.items())
+                head = f"{curve.replace('_', ' ')}, {_label(outliers)}"
+                numbers.append(f"{head}, largest mean e_r / that without error: {text}")
+            if {"RNSC-P1P+HRE", "RNSC-P1P+GN"} <= set(rises):
+                verdicts.append(rises["RNSC-P1P+HRE"] <= FLAT < rises["RNSC-P1P+GN"])
     claim = "RNSC-P1P+HRE is flat under pitch and box errors, RNSC-P1P+GN is not"
     return Finding(claim, all(verdicts) if verdicts else None, numbers)
 
@@ -156,16 +173,19 @@ def ours_is_best(results: Results) -> Finding:
             settings, lost = _lost(results, experiment, ours, quantity)
             if settings:
                 met.append(not lost)
-                head = f"{experiment}, {ours}, {_word(quantity)}: at or below every rival in "
-                numbers.append(f"{head}{settings - len(lost)} of {settings} settings" + _examples(lost))
-    claim = "our default is at or below every rival in mean e_r, mean e_t and failures in every setting"
+                head = f"{experiment}, {ours}, {WORDS[quantity]}: at or below every rival in"
+                numbers.append(f"{head} {settings - len(lost)} of {settings} settings" + _examples(lost))
+    claim = (
+        "Our default (E1 and E2: without priors) is at or below every rival in mean e_r, mean e_t and "
+        "failures in every setting"
+    )
     return Finding(claim, all(met) if met else None, numbers)
 
 
 def _lost(results: Results, experiment: str, ours: str, quantity: str) -> tuple[int, Lines]:
-    """Settings that have our number, and those where a rival measured on the same trials is lower."""
+    """How many settings have our number, and those where a rival measured on the same trials is lower."""
     count, lost = 0, []
-    rivals = [m for m in results.methods(experiment) if not m.startswith(RACERS_ONLY_OURS)]
+    rivals = [m for m in results.methods(experiment) if not m.startswith(NO_RIVALS)]
     for setting in EXPERIMENTS[experiment]:
         own = results.value(experiment, setting.key, ours, quantity)
         trials = results.value(experiment, setting.key, ours, "trials")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from groundpose.evaluate import report
@@ -10,41 +11,49 @@ from groundpose.evaluate.experiments.series import MICROSECONDS, Results
 from groundpose.evaluate.experiments.settings import OUTLIERS, Setting, settings_of
 
 PAGE, FIGURES = Path("docs/experiments.md"), Path("docs/experiments")
-INTRODUCTION = """\ The synthetic experiments of the paper (sec. 4.1, Figs. 4 and 5), with every method it
-names, today's libraries and our default. Cubes of points 20 to 40 m away, f = 800 px, noise 2 px, threshold 4
-px, confidence 0.99, at most 10000 iterations. E1 varies the outlier ratio, E2 the number of points (50 %
-outliers), E3 the error of the told pitch, E4 errors of the 2D box sides: both outward (negative: inward) and
-both shifted, as the paper does not say which.
+INTRODUCTION = """\
+The synthetic experiments of the paper (sec. 4.1, Figs. 4 and 5), with every method it names, today's
+libraries and our default. Cubes of points 20 to 40 m away, f = 800 px, noise 2 px, threshold 4 px,
+confidence 0.99, at most 10000 iterations. E1 varies the outlier ratio, E2 the number of points (50 %
+outliers), E3 the error of the told pitch, E4 errors of the 2D box sides: both outward (negative: inward)
+and both shifted, as the paper does not say which.
 
 How to read it:
 
-- Two outlier models: uniform in the image, and uniform in the object's box (closer to a real detector). - e_t
-is divided by the norm of the estimate, as in the paper. No answer counts as 180 deg and 100 %. - Inliers are
-counted anew on the final pose, with the threshold, for every method. - Oracles are least squares on the true
-inliers: floors, not methods. The 4-DoF one trusts the told pitch. - Times: median over chunks of 50 objects,
-one thread a process; ours is the whole Python batch call, a library's its own calls alone. **RPnP, ASPnP,
-OPnP+N, EPPnP and REPPnP are NumPy here: their accuracy counts, their time does not.** EPnP is OpenCV's, its
-GN is NumPy. - RNSC-P1P and RNSC-P3P, their GN and HRE run in our core: four cases, inlier count, nothing
-remembered of the prior. - Fewer trials where a library is too slow; tables say how many."""
+- Two outlier models: uniform in the image, and uniform in the object's box (closer to a real detector).
+- e_t is divided by the norm of the estimate, as in the paper. No answer counts as 180 deg and 100 %.
+- Inliers are counted anew on the final pose, with the threshold, for every method.
+- Oracles are least squares on the true inliers: floors, not methods. The 4-DoF one trusts the told
+  pitch.
+- Times: median over chunks of 50 objects, one thread a process; ours is the whole Python batch call, a
+  library's its own calls alone. **RPnP, ASPnP, OPnP+N, EPPnP and REPPnP are NumPy here: their accuracy
+  counts, their time does not.** EPnP is OpenCV's, its GN is NumPy.
+- RNSC-P1P and RNSC-P3P, their GN and HRE run in our core: four cases, inlier count, priors forgotten
+  after the search.
+- Fewer trials where a library is too slow; the tables say how many."""
 VERDICTS = {True: "Confirmed.", False: "**Not confirmed.**", None: "Not measured yet."}
-SHOWN = {
-    "E1": (0.5, 0.9),
-    "E2": (50.0, 1000.0),
-    "E3": (0.0, 3.0),
-    "E4": (0.0, 3.0),
-}
+SHOWN = {"E1": (0.5, 0.9), "E2": (50.0, 1000.0), "E3": (0.0, 3.0), "E4": (0.0, 3.0)}
 """Settings shown as tables; figures show all."""
 
 
 def render(results: Results, figures: list[Path]) -> str:
-    """The whole page.""" parts = ["# The paper's synthetic experiments", INTRODUCTION, "`groundpose
-    experiment all` makes it again."] parts += [_state(results)] parts +=
-    [f"![{path.stem}](experiments/{path.name})" for path in figures if path.suffix == ".svg"] for section,
-    claims in CLAIMS.items(): parts += [f"## {section}", *(_claim(check(results)) for check in claims)]
-    parts.append("## Numbers") for experiment, values in SHOWN.items(): for setting in
-    settings_of(experiment): if setting.value in values and (lines := _lines(results, experiment, setting)):
-    parts += [f"### {experiment}: {setting.key}", report.table(lines)] parts += ["## Methods",
-    _methods(results)] return "\n\n".join(parts) + "\n"
+    """The whole page."""
+    parts = [
+        "# The paper's synthetic experiments",
+        INTRODUCTION,
+        "`groundpose experiment all` makes it again.",
+    ]
+    parts.append(_state(results))
+    parts += [f"![{path.stem}](experiments/{path.name})" for path in figures]
+    for section, claims in CLAIMS.items():
+        parts += [f"## {section}", *(_claim(check(results)) for check in claims)]
+    parts.append("## Numbers")
+    for experiment, values in SHOWN.items():
+        for setting in settings_of(experiment):
+            if setting.value in values and (lines := _lines(results, experiment, setting)):
+                parts += [f"### {experiment}: {setting.key}", report.table(lines)]
+    parts += ["## Methods", _methods(results)]
+    return "\n\n".join(parts) + "\n"
 
 
 def write(results: Results, page: Path = PAGE, figures: Path = FIGURES) -> Path:
@@ -62,12 +71,15 @@ def _claim(finding: Finding) -> str:
 
 
 def _state(results: Results) -> str:
-            """How much of it is measured, and where.""" lines = [] for experiment, store in
-            results.stores.items(): settings, environment = len(settings_of(experiment)), store.environment
-            versions = ", ".join(f"{name} {number}" for name, number in environment.get("versions",
-            {}).items()) cells = sum(len(cell) for cell in store.results.values()) lines.append( f"-
-            {experiment}: {store.trials} trials, seed {store.seed}, {len(store.results)} of {settings}
-            settings, " f"{cells} (setting, method) pairs. {versions}. {environment.get('machine', '')}"
+    """How much of it is measured, and where."""
+    lines = []
+    for experiment, store in results.stores.items():
+        settings, environment = len(settings_of(experiment)), store.environment
+        versions = ", ".join(f"{name} {number}" for name, number in environment.get("versions", {}).items())
+        cells = sum(len(cell) for cell in store.results.values())
+        lines.append(
+            f"- {experiment}: {store.trials} trials, seed {store.seed}, {len(store.results)} of {settings} "
+            f"settings, {cells} (setting, method) pairs. {versions}. {environment.get('machine', '')}"
         )
     return "\n".join(["What is measured:", "", *lines]) if lines else "Nothing is measured yet."
 
@@ -76,9 +88,8 @@ def _lines(results: Results, experiment: str, setting: Setting) -> list[dict[str
     """One table: every method of one setting."""
     lines: list[dict[str, object]] = []
     store = results.stores.get(experiment)
-    cell = store.results.get(setting.key, {}) if store else {}
-    for method, numbers in cell.items():
-        time = results.value(experiment, setting.key, method, MICROSECONDS)
+    for method, numbers in (store.results.get(setting.key, {}) if store else {}).items():
+        microseconds = results.value(experiment, setting.key, method, MICROSECONDS)
         lines.append(
             {
                 "method": method,
@@ -88,7 +99,7 @@ def _lines(results: Results, experiment: str, setting: Setting) -> list[dict[str
                 "failures %": 100.0 * numbers["failures"],
                 "inliers": numbers["mean_inliers"],
                 "iterations": numbers["mean_iterations"],
-                "us": time if time == time else None,
+                "us": None if math.isnan(microseconds) else microseconds,
             }
         )
     return lines

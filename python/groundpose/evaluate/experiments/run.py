@@ -78,8 +78,10 @@ def run(
     fresh: bool = False,
     advance: Advance = lambda done, total, text: None,
 ) -> Store:
-    """Measure what is missing of an experiment and store it after every task; jobs processes of one
-    thread."""
+    """Measure what is missing of an experiment and store it after every task, in `jobs` processes.
+
+    `fresh` measures finished methods again, those of `methods` only.
+    """
     store = Store.open(folder, experiment, trials, seed)
     wanted = select(experiment, methods)
     if fresh:

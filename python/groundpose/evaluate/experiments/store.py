@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,16 @@ from groundpose.evaluate import report
 FOLDER = Path("results/experiments")
 Cells = dict[str, dict[str, Any]]
 """{setting: {method: ...}}"""
+
+
+def environment() -> dict[str, Any]:
+    """Versions and machine that numbers depend on."""
+    versions = report.versions()
+    try:
+        versions["pycolmap"] = version("pycolmap")
+    except PackageNotFoundError:
+        versions["pycolmap"] = "not installed"
+    return {"versions": versions, "machine": report.machine()}
 
 
 @dataclass
@@ -88,7 +99,7 @@ class Store:
             "methods": {name: self.methods[name] for name in sorted(self.methods, key=lambda n: rank[n])},
             "results": ordered(self.results),
             "times": {
-                "environment": {"versions": report.versions(), "machine": report.machine()},
+                "environment": environment(),
                 "microseconds": ordered(self.microseconds),
             },
         }
