@@ -13,6 +13,35 @@ pub const OBJECTS_PER_TASK: usize = 16;
 
 impl Estimator {
     /// One result per object, in order, on the current rayon pool. Object `i` draws from the stream (seed, i).
+    ///
+    /// ```
+    /// use groundpose::camera::{Camera, Tilt, View};
+    /// use groundpose::estimate::Estimator;
+    /// use groundpose::object::{Bbox, ShapeModel};
+    /// use groundpose::observation::Observation;
+    /// use groundpose::options::Options;
+    ///
+    /// let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.07, roll: 0.0 })?;
+    /// let points = [
+    ///     [-0.8, -0.3, 1.35], [0.8, -0.3, 1.35], [0.8, -0.3, -1.35], [-0.8, -0.3, -1.35],
+    ///     [-0.65, -0.7, 2.1], [0.65, -0.7, 2.1], [0.7, -0.9, -2.15], [-0.7, -0.9, -2.15],
+    /// ];
+    /// let model = ShapeModel::rigid(&points, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?;
+    /// let car = [
+    ///     [919.3, 560.1], [813.5, 565.4], [725.2, 552.5], [820.8, 547.6],
+    ///     [942.8, 533.3], [854.3, 537.5], [708.1, 509.2], [790.8, 507.7],
+    /// ];
+    /// let hidden = [[f64::NAN; 2]; 8];
+    /// let observations = [
+    ///     Observation::new(&car, &model)?.with_bbox(Bbox::new([694.1, 470.1, 963.0, 597.8])?),
+    ///     Observation::new(&hidden, &model)?,
+    /// ];
+    ///
+    /// let results = Estimator::new(Options::default())?.estimate_batch(&view, &observations);
+    /// assert!((results[0].as_ref().unwrap().yaw - 2.5).abs() < 0.1);
+    /// assert!(results[1].is_err(), "one object without an answer costs the others nothing");
+    /// # Ok::<(), groundpose::error::InputError>(())
+    /// ```
     #[must_use]
     pub fn estimate_batch(&self, view: &View, observations: &[Observation]) -> Vec<Result<Estimate, NoPose>> {
         observations

@@ -7,6 +7,22 @@ use crate::math::{atan2, norm2, tan};
 use crate::object::Bbox;
 
 /// A pinhole camera; pixel centres at integer coordinates, as in OpenCV.
+///
+/// ```
+/// use groundpose::camera::Camera;
+///
+/// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?
+///     .with_distortion([-0.3, 0.1, 0.0, 0.0, 0.0])?
+///     .with_image_size(1920.0, 1080.0)?;
+///
+/// let ideal = camera.undistort([1500.0, 900.0]).expect("the lens is invertible there");
+/// let back = camera.distort(ideal);
+/// assert!((back[0] - 1500.0).abs() < 1e-6 && (back[1] - 900.0).abs() < 1e-6);
+///
+/// let error = Camera::new(-1000.0, 1000.0, 960.0, 540.0).unwrap_err();
+/// assert_eq!(error.to_string(), "fx: expected a positive finite number, got -1000");
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Focal length, pixels, along the columns.
@@ -148,6 +164,22 @@ pub struct Tilt {
 }
 
 /// A camera, its tilt against the ground and, if known, its height above it.
+///
+/// ```
+/// use groundpose::camera::{Camera, Tilt, View};
+///
+/// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?;
+/// // Looking down by 5 degrees: the horizon is above the principal point.
+/// let view = View::new(camera, Tilt { pitch: -5.0_f64.to_radians(), roll: 0.0 })?.with_height(6.0)?;
+/// let [_, b, c] = view.horizon();
+/// assert!((-c / b - 452.51).abs() < 0.01);
+///
+/// // The same from an accelerometer: gravity in the camera's frame.
+/// let down = view.r_camera_from_ground.column(1);
+/// let same = View::from_gravity(camera, [down[0], down[1], down[2]])?;
+/// assert!((same.tilt.pitch - view.tilt.pitch).abs() < 1e-12);
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// The camera.

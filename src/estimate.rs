@@ -69,6 +69,41 @@ impl Estimate {
 }
 
 /// Estimates poses with options that were checked once.
+///
+/// ```
+/// use groundpose::camera::{Camera, Tilt, View};
+/// use groundpose::error::NoPose;
+/// use groundpose::estimate::Estimator;
+/// use groundpose::object::ShapeModel;
+/// use groundpose::observation::Observation;
+/// use groundpose::options::Options;
+/// use groundpose::pose::Pose;
+/// use groundpose::workspace::{FixedWorkspace, Workspace};
+///
+/// let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt::default())?;
+/// let points = [
+///     [-0.8, -0.3, 1.3], [0.8, -0.3, 1.3], [0.8, -0.3, -1.3], [-0.8, -0.3, -1.3],
+///     [-0.5, -1.4, 0.3], [0.5, -1.4, 0.3], [0.5, -1.4, -1.3], [-0.5, -1.4, -1.3],
+/// ];
+/// let model = ShapeModel::rigid(&points, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?;
+/// let truth = Pose::upright(&view, 0.7, [2.0, 1.5, 15.0].into());
+/// let mut pixels = points.map(|x| view.camera.project(&truth.transform(x)).unwrap());
+/// pixels[3] = [400.0, 300.0];
+///
+/// let estimator = Estimator::new(Options { inlier_threshold: Some(4.0), ..Options::default() })?;
+/// let mut workspace = FixedWorkspace::<8>::new();
+/// // No box is known, so the search uses two keypoints at a time.
+/// let observation = Observation::new(&pixels, &model)?;
+/// let estimate = estimator.estimate(&view, &observation, &mut workspace).expect("a pose");
+/// assert!((estimate.pose.t - truth.t).norm() < 1e-3);
+/// assert_eq!(estimate.inlier_count, 7);
+/// assert!(workspace.residuals()[3] > 100.0);
+///
+/// let unseen = [[f64::NAN; 2]; 8];
+/// let nothing = estimator.estimate(&view, &Observation::new(&unseen, &model)?, &mut workspace);
+/// assert_eq!(nothing.unwrap_err(), NoPose::TooFewKeypoints);
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Estimator {
     options: Options,

@@ -3,7 +3,7 @@
 //! Something else finds the vehicles: for each of them a 2D box and some keypoints, a few of them wrong. This crate
 //! knows the camera, roughly its tilt against the ground, and a 3D model of the keypoints, and answers with a pose, a
 //! shape, and how sure it is, in tens of microseconds. One keypoint, two sides of the box and the tilt make a
-//! hypothesis (P1P: Lee et al., "One-point RANSAC for ground vehicle pose", CVPR Workshops 2021), a finite search
+//! hypothesis (P1P: Lee et al., "1-Point RANSAC-Based Method for Ground Object Pose Estimation", CVPR Workshops 2021), a finite search
 //! finds the best one, and a robust fit refines it.
 //!
 //! # One object, no allocation
@@ -75,7 +75,7 @@
 //!
 //! | feature | what it adds |
 //! |---|---|
-//! | `std` (default) | [`workspace::GrowingWorkspace`], vector units chosen at run time |
+//! | `std` (default) | `workspace::GrowingWorkspace`, vector units chosen at run time |
 //! | `rayon` (default) | `Estimator::estimate_batch`: many objects on many cores, the same bits for any number |
 //! | `synthetic` | `synthetic`: scenes with known truth |
 //! | `python` | the Python module; of no use from Rust |

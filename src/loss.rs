@@ -5,6 +5,16 @@
 use crate::lanes::Lanes;
 
 /// A robust kernel with its scale.
+///
+/// ```
+/// use groundpose::loss::Kernel;
+///
+/// let tukey = Kernel::Tukey { c2: 4.0 * 4.0 };
+/// let (near, weight_near) = tukey.evaluate(0.1 * 0.1);
+/// assert!((near - 0.005).abs() < 1e-5 && weight_near > 0.99);
+/// let (_, weight_far) = tukey.evaluate(5.0 * 5.0);
+/// assert_eq!(weight_far, 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kernel {
     /// `r^2 / 2`.

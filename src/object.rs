@@ -8,6 +8,18 @@ pub const MAX_MODES: usize = 10;
 pub const MAX_CORNERS: usize = 16;
 
 /// A 2D box in pixels. A side that is NaN is not known.
+///
+/// ```
+/// use groundpose::object::Bbox;
+///
+/// let cut_on_the_right = Bbox::new([1500.0, 400.0, f64::NAN, 700.0])?;
+/// assert_eq!(cut_on_the_right.longer_side(), Some(300.0));
+/// assert_eq!(
+///     Bbox::new([700.0, 400.0, 500.0, 600.0]).unwrap_err().to_string(),
+///     "bbox: expected left < right, got 700 and 500"
+/// );
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bbox {
     /// Left side, column.
@@ -44,6 +56,16 @@ impl Bbox {
 }
 
 /// Convex outline of an object in the bird's-eye view: corners `[x, z]` in the object frame.
+///
+/// ```
+/// use groundpose::object::Footprint;
+///
+/// // A car with a rounded front: closer to its silhouette than the rectangle of its 3D box.
+/// let outline = [[-0.6, 2.2], [0.6, 2.2], [0.9, 1.6], [0.9, -2.2], [-0.9, -2.2], [-0.9, 1.6]];
+/// assert_eq!(Footprint::new(&outline)?.corners().len(), 6);
+/// assert!(Footprint::new(&[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]).is_err(), "a line has no inside");
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
     corners: [[f64; 2]; MAX_CORNERS],
@@ -93,6 +115,17 @@ impl Footprint {
 
 /// Keypoints of an object or of a class of objects, and how they vary (active shape model, paper sec. 3.3):
 /// `X_i = mean_i + sum_j lambda_j B_ij`. Borrowed data, checked once.
+///
+/// ```
+/// use groundpose::object::ShapeModel;
+///
+/// // Two keypoints on the roof; one mode that lifts both (y points down).
+/// let mean = [[-0.5, -1.4, 0.0], [0.5, -1.4, 0.0]];
+/// let basis = [[0.0, -0.125, 0.0], [0.0, -0.125, 0.0]];
+/// let model = ShapeModel::rigid(&mean, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?.with_modes(&basis, &[1.0])?;
+/// assert_eq!(model.keypoint(1, &[2.0]), [0.5, -1.65, 0.0]);
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ShapeModel<'a> {
     mean: &'a [[f64; 3]],

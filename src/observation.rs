@@ -4,6 +4,20 @@ use crate::error::{Got, InputError, require};
 use crate::object::{Bbox, ShapeModel};
 
 /// Keypoints, scores and box of one object in one image.
+///
+/// ```
+/// use groundpose::object::{Bbox, ShapeModel};
+/// use groundpose::observation::Observation;
+///
+/// let points = [[-0.8, -0.3, 1.35], [0.8, -0.3, 1.35], [0.5, -1.4, -1.3]];
+/// let model = ShapeModel::rigid(&points, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?;
+/// let pixels = [[919.3, 560.1], [813.5, 565.4], [f64::NAN, f64::NAN]];
+/// let observation = Observation::new(&pixels, &model)?
+///     .with_scores(&[0.9, 0.7, 0.0])?
+///     .with_bbox(Bbox::new([694.1, 470.1, 963.0, 597.8])?);
+/// assert!(observation.is_visible(1) && !observation.is_visible(2));
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Observation<'a> {
     keypoints_2d: &'a [[f64; 2]],

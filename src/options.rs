@@ -27,6 +27,24 @@ impl Solver {
 }
 
 /// How poses are estimated. `Options::default()` is the place of every default.
+///
+/// ```
+/// use groundpose::options::{Options, Solver};
+/// use groundpose::refine::Refinement;
+///
+/// // The paper's method with its thresholds in pixels.
+/// let paper = Options {
+///     solver: Solver::P1p,
+///     refinement: Refinement::Hre,
+///     inlier_threshold: Some(4.0),
+///     ..Options::default()
+/// };
+/// assert!(paper.check().is_ok());
+/// assert_eq!(paper.effective_tilt_sigma(), f64::INFINITY);
+///
+/// let error = Options { confidence: 99.0, ..paper }.check().unwrap_err();
+/// assert_eq!(error.to_string(), "confidence: expected a probability between 0 and 1, got 99");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Reprojection error in pixels up to which a keypoint is an inlier; `None`: from `relative_threshold`.

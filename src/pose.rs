@@ -6,6 +6,18 @@ use crate::camera::View;
 use crate::math::{atan2, cos, sin};
 
 /// `X_camera = R X_object + t`, metres.
+///
+/// ```
+/// use groundpose::camera::{Camera, Tilt, View};
+/// use groundpose::pose::Pose;
+///
+/// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?;
+/// let view = View::new(camera, Tilt { pitch: -0.1, roll: 0.02 })?;
+/// let pose = Pose::upright(&view, 0.5, [1.0, 1.5, 20.0].into());
+/// assert!((pose.yaw(&view) - 0.5).abs() < 1e-12);
+/// assert_eq!(pose.transform([0.0; 3]), pose.t);
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Rotation.

@@ -39,6 +39,18 @@ pub enum BboxError {
 }
 
 /// What to generate.
+///
+/// ```
+/// use groundpose::synthetic::{Kind, Protocol};
+///
+/// let protocol = Protocol { kind: Kind::Vehicle, ..Protocol::default() };
+/// protocol.check()?;
+/// let scene = protocol.scene(0, 7);
+/// assert_eq!(scene.keypoints_2d.len(), scene.keypoints_3d.len());
+/// assert!(scene.is_inlier.iter().any(|&inlier| !inlier));
+/// assert_eq!(scene.pose, protocol.scene(0, 7).pose, "trial 7 of seed 0 is always the same");
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Protocol {
     /// Which scenes.

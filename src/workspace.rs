@@ -27,6 +27,15 @@ pub trait Workspace {
 }
 
 /// Buffers of fixed size for up to `N` keypoints, without a heap.
+///
+/// ```
+/// use groundpose::workspace::{FixedWorkspace, Workspace};
+///
+/// // It may be static: nothing is allocated, ever.
+/// let mut workspace = FixedWorkspace::<53>::new();
+/// assert!(workspace.buffers(53).is_some());
+/// assert!(workspace.buffers(54).is_none());
+/// ```
 pub struct FixedWorkspace<const N: usize> {
     blocks: [Block; N],
     visible: [u32; N],

@@ -1,4 +1,4 @@
-"""The command line: `groundpose estimate | demo | bench`."""
+"""The command line: `groundpose estimate | demo | bench | experiment`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import typer
 
 import groundpose
 from groundpose.cli_estimate import estimate
+from groundpose.cli_experiment import experiment
 from groundpose.cli_output import console, mistakes
 
 app = typer.Typer(
@@ -20,6 +21,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command(rich_help_panel="Commands")(estimate)
+app.command()(experiment)
 
 
 def _version(wanted: bool) -> None:

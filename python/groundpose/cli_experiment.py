@@ -43,8 +43,9 @@ def experiment(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the scenes.")] = 0,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the results.")] = RESULTS,
     methods: Annotated[
-        str, typer.Option(help="Methods, comma separated; none: all that are installed.")
-    ] = "",
+        list[str] | None,
+        typer.Option("-m", "--methods", help="A method; repeat for more. None: all installed."),
+    ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; none: one a core.")] = None,
     fresh: Annotated[bool, typer.Option(help="Measure finished methods again.")] = False,
     baseline: Annotated[Path, typer.Option(help="Folder that `compare` compares with.")] = RESULTS,
@@ -59,7 +60,7 @@ def experiment(
 
       groundpose experiment all --trials 1000 --seed 0
 
-      groundpose experiment E1 --methods "RNSC-P1P,RNSC-P3P" --trials 100 -o /tmp/e1
+      groundpose experiment E1 -m RNSC-P1P -m "ours, default" --trials 100 -o /tmp/e1
 
       groundpose experiment compare --baseline results/experiments -o /tmp/new
     """
@@ -70,19 +71,20 @@ def experiment(
             elif what is What.FIGURES:
                 _draw(out, page)
             else:
-                _run(what, trials, seed, out, methods, jobs or os.cpu_count() or 1, fresh)
+                _run(what, trials, seed, out, methods or None, jobs or os.cpu_count() or 1, fresh)
                 if what is not What.QUICK:
                     _draw(out, page if out == RESULTS else out / page.name)
         except ValueError as error:
             raise TypeError(str(error)) from error  # a usage error: one line and status 2
 
 
-def _run(what: What, trials: int, seed: int, out: Path, methods: str, jobs: int, fresh: bool) -> None:
+def _run(
+    what: What, trials: int, seed: int, out: Path, wanted: list[str] | None, jobs: int, fresh: bool
+) -> None:
     """With a bar on a terminal; a line an experiment elsewhere."""
     from groundpose.evaluate.experiments.run import run
     from groundpose.evaluate.experiments.settings import EXPERIMENTS
 
-    wanted = [name.strip() for name in methods.split(",") if name.strip()] or None
     names = list(EXPERIMENTS) if what is What.ALL else [what.value]
     trials = min(trials, QUICK_TRIALS) if what is What.QUICK else trials
     screen = console(stderr=True)

@@ -1,4 +1,4 @@
-"""Baselines of the paper: exact poses from exact points, near least squares under noise, REPPnP's rejection."""
+"""Baselines: exact poses from exact points, near least squares under noise, REPPnP and its rejection."""
 
 from collections.abc import Callable
 

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from groundpose.evaluate import accuracy, cost, guarantee, methods, report
+from groundpose.evaluate import accuracy, cost, guarantee, honesty, methods, report
 from groundpose.evaluate.real import RealMethod, our_line
 from groundpose.evaluate.real_data import data_folder, kitti
 from groundpose.evaluate.rivals import described
@@ -56,6 +56,8 @@ ROWS = (
     Row("flat", "E3 to 5 deg and E4 to 5 px are flat without priors", accuracy.flatness),
     Row("flat-prior", "E3 to 5 deg is nearly flat with the default priors", accuracy.flatness_with_prior),
     Row("real", "real CNN keypoints, KITTI", real_keypoints),
+    Row("covariance", "stated covariances hold the truth (our own bar)", honesty.coverage),
+    Row("chance", "chance is refused (our own bar)", honesty.chance),
     Row("time", "time, one thread, Python batch call", cost.time_one_thread),
     Row("threads", "two threads", cost.two_threads),
     Row("memory", "memory of a batch", cost.memory),

@@ -31,7 +31,7 @@ SETTINGS = {
 
 
 def time_one_thread(context: Context) -> Result:
-    """Our default beside PoseLib tuned (on V1 every library), one thread, chunk by chunk on the same objects."""
+    """Our default beside PoseLib tuned (on V1 every library), one thread, chunk by chunk on one input."""
     if reason := POSELIB_TUNED.missing():
         return Result([], missing=reason)
     checks, times = [], []

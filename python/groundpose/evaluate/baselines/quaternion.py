@@ -15,7 +15,7 @@ from groundpose.evaluate.baselines.geometry import Array
 
 KEEP = 8
 """Starts that are followed to the end after the first steps."""
-FIRST_STEPS, LAST_STEPS = 6, 30
+FIRST_STEPS, LAST_STEPS = 6, 60
 
 
 def _forms() -> Array:

@@ -15,7 +15,7 @@ FAMILIES: tuple[Family, ...] = (
 )
 OWN = ("oracle 6-DoF", "oracle 4-DoF", "ours, default", "ours, no priors")
 HRE = (*OWN, "RNSC-P1P", "RNSC-P1P+GN", "RNSC-P1P+HRE")
-SEARCHES = ("RNSC-P3P", "RNSC-P3P+GN", "REPPnP", "REPPnP+OPnP+N")
+SEARCHES = ("RNSC-P3P", "REPPnP", "REPPnP+OPnP+N")
 QUICK = (*HRE, *SEARCHES)
 LIMITED = {"HRE": HRE, "quick": QUICK}
 

@@ -6,6 +6,7 @@ Colours are those of Okabe and Ito, which colour-blind readers tell apart; marke
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -155,7 +156,7 @@ def draw(
     grid = figure.add_gridspec(len(rows), 12)
     handles: dict[str, Any] = {}
     for i, row in enumerate(rows):
-        width = 12 // max(len(row), 3)
+        width = 4 if len(row) == 3 else 3
         for j, panel in enumerate(row):
             axes = figure.add_subplot(grid[i, j * width : (j + 1) * width])
             handles |= _panel(axes, results, panel, styles, outliers)
@@ -185,11 +186,12 @@ def _panel(
     return handles
 
 
-def write(results: Results, folder: Path) -> list[Path]:
-    """Every figure for both outlier models as SVG and PNG; equal results give equal files."""
+def write(results: Results, folder: Path, names: Sequence[str] = tuple(FIGURES)) -> list[Path]:
+    """Figures for both outlier models as SVG and PNG; equal results give equal files."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for name, (title, rows, styles) in FIGURES.items():
+    for name in names:
+        title, rows, styles = FIGURES[name]
         if not any(panel.experiment in results.stores for row in rows for panel in row):
             continue
         for outliers in OUTLIERS:
@@ -197,6 +199,8 @@ def write(results: Results, folder: Path) -> list[Path]:
             path = folder / f"{name}_{outliers}"
             with matplotlib.rc_context({"svg.hashsalt": "groundpose", "svg.fonttype": "none"}):
                 FigureCanvasSVG(figure)
+                figure.draw_without_rendering()
+                figure.set_layout_engine("none")  # found once, for both files
                 figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
             FigureCanvasAgg(figure)
             figure.savefig(path.with_suffix(".png"), dpi=90, metadata={"Software": None})

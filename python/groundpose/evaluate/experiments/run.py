@@ -59,12 +59,12 @@ def tasks(store: Store, methods: dict[str, str]) -> list[Task]:
 
 
 def select(experiment: str, methods: list[str] | None) -> dict[str, str]:
-    """Methods to run. ValueError for a name the experiment does not have."""
-    known = entry.methods_of(experiment)
+    """Methods to run: those of `methods` that the experiment has. ValueError for a name that nothing has."""
+    known, everywhere = entry.methods_of(experiment), entry.methods_of("E1")
     if methods is None:
         return known
-    if unknown := [name for name in methods if name not in known]:
-        raise ValueError(f"methods: expected some of {', '.join(known)}, got {', '.join(unknown)}")
+    if unknown := [name for name in methods if name not in everywhere]:
+        raise ValueError(f"methods: expected some of {'; '.join(everywhere)}, got {'; '.join(unknown)}")
     return {name: note for name, note in known.items() if name in methods}
 
 
