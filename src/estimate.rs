@@ -372,7 +372,7 @@ impl Job<'_> {
     ) -> Result<Estimate, NoPose> {
         let threshold = self.points.inlier_threshold;
         let state = State { pose: refined.state.pose.orthonormalized(), ..refined.state };
-        if !state.pose.is_finite() {
+        if !state.pose.is_rigid() {
             return Err(NoPose::Degenerate);
         }
         let (n, weight_sum) = (self.points.count, self.points.weight_sum);

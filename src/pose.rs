@@ -80,6 +80,12 @@ impl Pose {
         self.r.iter().chain(self.t.iter()).all(|x| x.is_finite())
     }
 
+    /// Whether every number is finite and `R` a rotation, up to rounding errors.
+    pub(crate) fn is_rigid(&self) -> bool {
+        let deviation = self.r.tr_mul(&self.r) - Matrix3::identity();
+        self.is_finite() && deviation.amax() < 1e-9 && self.r.determinant() > 0.0
+    }
+
     /// Cosine of the angle between the forward axes of two poses.
     #[inline]
     pub(crate) fn forward_cosine(&self, other: &Self) -> f64 {

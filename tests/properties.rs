@@ -61,15 +61,19 @@ fn broken_promise(case: &Case, options: &Options, e: &Estimate, residuals: &[f64
     let expected = case.residuals(&e.pose, &e.shape_coefficients);
     promise(expected.len() == residuals.len(), "a residual per keypoint");
     // The square of a residual beyond 1e154 pixels is infinite, and projecting loses digits in proportion to the
-    // numbers of the camera and the pixel.
+    // numbers of the camera and the pixel, and to the distance of a point over its depth.
+    let points = case.points_in_camera(&e.pose, &e.shape_coefficients);
     let rounding = |i: usize| {
-        let ([u, v], camera) = (case.keypoints_2d[i], case.view.camera);
-        1e-12 * (camera.fx + camera.fy + camera.cx.abs() + camera.cy.abs() + u.abs() + v.abs())
+        let ([u, v], [x, y, z], camera) = (case.keypoints_2d[i], points[i], case.view.camera);
+        let slope = 1.0 + (x.abs() + y.abs()) / z.abs();
+        let distance = e.pose.t.norm() + Vector3::from(points[i]).norm();
+        let projected = (camera.fx + camera.fy) * slope * (1.0 + distance / z.abs());
+        1e-12 * (projected + camera.cx.abs() + camera.cy.abs() + u.abs() + v.abs())
     };
     let same = |i: usize| {
         let (a, b) = (residuals[i], expected[i]);
         let near = (a - b).abs() <= 1e-7 * (1.0 + b.abs()) + rounding(i);
-        a.is_nan() && b.is_nan() || a > 1e150 && b > 1e150 || near
+        a.is_nan() && b.is_nan() || a > 1e150 && b > 1e150 || near || rounding(i) > 1e100
     };
     promise((0..expected.len()).all(same), "residuals of the pose");
     let inliers: Vec<f64> = residuals.iter().copied().filter(|&r| r <= e.inlier_threshold).collect();

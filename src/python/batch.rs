@@ -88,58 +88,23 @@ pub(crate) fn estimate_batch<'py>(
     let mut outputs = Outputs::new(objects, keypoints, &inputs.models);
     // One thread is the caller's own: no pool, no hand-over.
     let pool = if threads == 1 || objects <= OBJECTS_PER_TASK { None } else { Some(pool(threads)?) };
+    let mut results = vec![Err(NoPose::TooFewKeypoints); objects.min(OBJECTS_PER_BLOCK)];
     for start in (0..objects).step_by(OBJECTS_PER_BLOCK) {
         py.check_signals()?;
-        let end = objects.min(start + OBJECTS_PER_BLOCK);
-        let residuals = &mut outputs.residuals[start * keypoints..end * keypoints];
-        let results = py.detach(|| match &pool {
-            None => estimate_serial(&estimator, &inputs, start..end, residuals),
-            Some(pool) => pool.install(|| estimate_parallel(&estimator, &inputs, start, residuals, end - start)),
+        let results = &mut results[..OBJECTS_PER_BLOCK.min(objects - start)];
+        py.detach(|| match &pool {
+            None => {
+                let residuals = outputs.residuals_of(start, results.len());
+                inputs.estimate(&estimator, &mut Scratch::default(), start, results, residuals);
+                outputs.store(start, results);
+            }
+            Some(pool) => pool.install(|| {
+                inputs.estimate_parallel(&estimator, start, results, outputs.residuals_of(start, results.len()));
+                outputs.store_parallel(start, results);
+            }),
         });
-        for (i, result) in (start..end).zip(&results) {
-            outputs.store(i, result);
-        }
     }
     outputs.into_dict(py)
-}
-
-fn estimate_serial(
-    estimator: &Estimator,
-    inputs: &Inputs,
-    objects: std::ops::Range<usize>,
-    residuals: &mut [f64],
-) -> Vec<Result<Estimate, NoPose>> {
-    let mut workspace = Scratch::default();
-    let width = inputs.keypoints;
-    let start = objects.start;
-    objects
-        .map(|i| {
-            let row = (i - start) * width;
-            inputs.estimate_one(estimator, i, &mut workspace, &mut residuals[row..row + width])
-        })
-        .collect()
-}
-
-fn estimate_parallel(
-    estimator: &Estimator,
-    inputs: &Inputs,
-    start: usize,
-    residuals: &mut [f64],
-    objects: usize,
-) -> Vec<Result<Estimate, NoPose>> {
-    let width = inputs.keypoints;
-    let task = |first: usize, residuals: &mut [f64]| {
-        let count = residuals.len() / width;
-        estimate_serial(estimator, inputs, start + first..start + first + count, residuals)
-    };
-    if width == 0 {
-        return vec![Err(NoPose::TooFewKeypoints); objects];
-    }
-    residuals
-        .par_chunks_mut(OBJECTS_PER_TASK * width)
-        .enumerate()
-        .flat_map_iter(|(k, chunk)| task(k * OBJECTS_PER_TASK, chunk))
-        .collect()
 }
 
 /// Buffers of one thread.
@@ -149,14 +114,41 @@ struct Scratch {
     undistorted: Vec<[f64; 2]>,
 }
 
+/// A pose, or why there is none.
+type Answer = Result<Estimate, NoPose>;
+
 impl Inputs<'_> {
-    fn estimate_one(
+    /// Answers and rows of residuals of the objects from `start` on.
+    fn estimate(
         &self,
         estimator: &Estimator,
-        i: usize,
         scratch: &mut Scratch,
+        start: usize,
+        results: &mut [Answer],
         residuals: &mut [f64],
-    ) -> Result<Estimate, NoPose> {
+    ) {
+        for (k, result) in results.iter_mut().enumerate() {
+            let row = &mut residuals[k * self.keypoints..(k + 1) * self.keypoints];
+            *result = self.estimate_one(estimator, start + k, scratch, row);
+        }
+    }
+
+    /// The same on the threads of the current pool.
+    fn estimate_parallel(&self, estimator: &Estimator, start: usize, results: &mut [Answer], residuals: &mut [f64]) {
+        let row = self.keypoints;
+        if row == 0 {
+            return self.estimate(estimator, &mut Scratch::default(), start, results, residuals);
+        }
+        results
+            .par_chunks_mut(OBJECTS_PER_TASK)
+            .zip(residuals.par_chunks_mut(OBJECTS_PER_TASK * row))
+            .enumerate()
+            .for_each_init(Scratch::default, |scratch, (k, (results, residuals))| {
+                self.estimate(estimator, scratch, start + k * OBJECTS_PER_TASK, results, residuals);
+            });
+    }
+
+    fn estimate_one(&self, estimator: &Estimator, i: usize, scratch: &mut Scratch, residuals: &mut [f64]) -> Answer {
         residuals.fill(f64::NAN);
         let model = self.models[if self.models.len() == 1 { 0 } else { i }].shape_model();
         let count = model.keypoint_count();
@@ -285,8 +277,12 @@ impl<T: Copy + numpy::Element> Column<T> {
         fields.iter().map(column).collect()
     }
 
-    fn store(&mut self, i: usize, estimate: &Estimate) {
-        (self.field.write)(estimate, &mut self.values[i * self.size..(i + 1) * self.size]);
+    fn store(&mut self, start: usize, results: &[Answer]) {
+        for (i, result) in (start..).zip(results) {
+            if let Ok(estimate) = result {
+                (self.field.write)(estimate, &mut self.values[i * self.size..(i + 1) * self.size]);
+            }
+        }
     }
 
     fn add_to(self, dict: &Bound<'_, PyDict>) -> PyResult<()> {
@@ -323,22 +319,39 @@ impl Outputs {
         }
     }
 
-    fn store(&mut self, i: usize, result: &Result<Estimate, NoPose>) {
-        let estimate = match result {
-            Ok(estimate) => estimate,
-            Err(reason) => {
-                self.status[i] = *reason as u8;
-                return;
+    /// Rows of residuals of `count` objects from `start` on.
+    fn residuals_of(&mut self, start: usize, count: usize) -> &mut [f64] {
+        &mut self.residuals[start * self.keypoints..(start + count) * self.keypoints]
+    }
+
+    /// Answers of the objects from `start` on into all arrays.
+    fn store(&mut self, start: usize, results: &[Answer]) {
+        self.store_states(start, results);
+        self.numbers.iter_mut().for_each(|column| column.store(start, results));
+        self.counts.iter_mut().for_each(|column| column.store(start, results));
+    }
+
+    /// The same, one array a task.
+    fn store_parallel(&mut self, start: usize, results: &[Answer]) {
+        self.store_states(start, results);
+        self.numbers.par_iter_mut().for_each(|column| column.store(start, results));
+        self.counts.par_iter_mut().for_each(|column| column.store(start, results));
+    }
+
+    fn store_states(&mut self, start: usize, results: &[Answer]) {
+        for (i, result) in (start..).zip(results) {
+            match result {
+                Err(reason) => self.status[i] = *reason as u8,
+                Ok(estimate) => {
+                    let row = i * self.keypoints..(i + 1) * self.keypoints;
+                    for (mask, &residual) in self.inlier_mask[row.clone()].iter_mut().zip(&self.residuals[row]) {
+                        *mask = residual <= estimate.inlier_threshold;
+                    }
+                    self.stop_reason[i] = estimate.ransac.stop_reason as u8;
+                    self.solver[i] = estimate.solver as u8;
+                }
             }
-        };
-        let row = i * self.keypoints..(i + 1) * self.keypoints;
-        for (mask, &residual) in self.inlier_mask[row.clone()].iter_mut().zip(&self.residuals[row]) {
-            *mask = residual <= estimate.inlier_threshold;
         }
-        self.stop_reason[i] = estimate.ransac.stop_reason as u8;
-        self.solver[i] = estimate.solver as u8;
-        self.numbers.iter_mut().for_each(|column| column.store(i, estimate));
-        self.counts.iter_mut().for_each(|column| column.store(i, estimate));
     }
 
     fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {

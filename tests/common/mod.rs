@@ -79,29 +79,36 @@ impl Case {
         Ok((estimate, workspace.residuals().to_vec()))
     }
 
+    /// Keypoints of a pose and shape in the camera frame.
+    pub fn points_in_camera(&self, pose: &Pose, coefficients: &[f64]) -> Vec<[f64; 3]> {
+        let point = |i: usize| {
+            let mut x = self.keypoints_3d[i];
+            for (m, lambda) in coefficients.iter().enumerate().take(self.eigenvalues.len()) {
+                for axis in 0..3 {
+                    x[axis] += lambda * self.basis[m * self.keypoints_3d.len() + i][axis];
+                }
+            }
+            [0, 1, 2]
+                .map(|row| pose.r[(row, 0)] * x[0] + pose.r[(row, 1)] * x[1] + pose.r[(row, 2)] * x[2] + pose.t[row])
+        };
+        (0..self.keypoints_3d.len()).map(point).collect()
+    }
+
     /// Reprojection errors of a pose and shape, written down again: nothing of the crate is used.
     pub fn residuals(&self, pose: &Pose, coefficients: &[f64]) -> Vec<f64> {
-        let (camera, points) = (&self.view.camera, self.keypoints_3d.len());
-        let residual = |i: usize| {
+        let camera = &self.view.camera;
+        let residual = |(i, [x, y, z]): (usize, [f64; 3])| {
             let score = self.scores.as_ref().map_or(1.0, |s| s[i]);
             let [u, v] = self.keypoints_2d[i];
             if u.is_nan() || v.is_nan() || !(score > 0.0) {
                 return f64::NAN;
             }
-            let mut x = self.keypoints_3d[i];
-            for (m, lambda) in coefficients.iter().enumerate().take(self.eigenvalues.len()) {
-                for axis in 0..3 {
-                    x[axis] += lambda * self.basis[m * points + i][axis];
-                }
-            }
-            let [px, py, pz] = [0, 1, 2]
-                .map(|row| pose.r[(row, 0)] * x[0] + pose.r[(row, 1)] * x[1] + pose.r[(row, 2)] * x[2] + pose.t[row]);
-            if pz <= 0.0 {
+            if z <= 0.0 {
                 return f64::INFINITY;
             }
-            (camera.fx * px / pz + camera.cx - u).hypot(camera.fy * py / pz + camera.cy - v)
+            (camera.fx * x / z + camera.cx - u).hypot(camera.fy * y / z + camera.cy - v)
         };
-        (0..points).map(residual).collect()
+        self.points_in_camera(pose, coefficients).into_iter().enumerate().map(residual).collect()
     }
 }
 

@@ -84,6 +84,14 @@ def test_a_finished_method_is_not_run_again(
     assert after.results == store.Store.read(folder / "quick.json").results
 
 
+def test_results_do_not_depend_on_the_order_of_runs(folder: Path, tmp_path: Path) -> None:
+    for methods in (["RNSC-P1P+GN"], ["RNSC-P3P", "oracle 6-DoF"], FAST):
+        run.run("quick", 6, 0, tmp_path, methods)
+    one, two = (json.loads((f / "quick.json").read_text()) for f in (folder, tmp_path))
+    del one["times"], two["times"]
+    assert json.dumps(one) == json.dumps(two)
+
+
 def test_stored_results_of_other_trials_are_refused(folder: Path) -> None:
     with pytest.raises(ValueError, match="expected results of 7 trials and seed 0, got 6 trials"):
         run.run("quick", 7, 0, folder, FAST)

@@ -97,7 +97,7 @@ def run(
             for done, future in enumerate(as_completed(futures), start=1):
                 task, measured = futures[future], future.result()
                 store.add(task.setting.key, measured.numbers, measured.microseconds)
-                store.write(keys, wanted)
+                store.write(keys, wanted, entry.methods_of(experiment))
                 advance(done, len(left), f"{task.setting.key}, {task.family}")
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)

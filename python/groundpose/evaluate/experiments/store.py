@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -80,10 +81,10 @@ class Store:
                 for name in methods:
                     cell.pop(name, None)
 
-    def write(self, settings: list[str], methods: dict[str, str]) -> None:
-        """Store in the order of settings and methods, whatever order they were finished in."""
+    def write(self, settings: list[str], methods: dict[str, str], order: Iterable[str] = ()) -> None:
+        """Store in the order of settings and of `order`, whatever order methods were finished in."""
         self.methods = self.methods | methods
-        rank = {name: k for k, name in enumerate([*methods, *self.methods])}
+        rank = {name: k for k, name in enumerate(dict.fromkeys([*order, *self.methods]))}
 
         def ordered(cells: Cells) -> Cells:
             return {
