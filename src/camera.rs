@@ -6,6 +6,9 @@ use crate::error::{Got, InputError, require};
 use crate::math::{atan2, norm2, tan};
 use crate::object::Bbox;
 
+/// Sides of a box this close to the image border are cut by it.
+const BORDER_PX: f64 = 1.5;
+
 /// A pinhole camera; pixel centres at integer coordinates, as in OpenCV.
 ///
 /// ```
@@ -276,6 +279,24 @@ impl View {
     #[must_use]
     pub fn side_planes(&self, left: f64, right: f64) -> [Vector3<f64>; 2] {
         [self.column_plane(left), -self.column_plane(right)]
+    }
+
+    /// A box without the sides that the image border cuts: they say where the image ends, not the object.
+    #[must_use]
+    pub fn uncut_bbox(&self, mut bbox: Bbox) -> Bbox {
+        if let Some([width, height]) = self.camera.image_size {
+            let unless = |is_cut: bool, side: f64| if is_cut { f64::NAN } else { side };
+            bbox.left = unless(bbox.left <= BORDER_PX, bbox.left);
+            bbox.top = unless(bbox.top <= BORDER_PX, bbox.top);
+            bbox.right = unless(bbox.right >= width - 1.0 - BORDER_PX, bbox.right);
+            bbox.bottom = unless(bbox.bottom >= height - 1.0 - BORDER_PX, bbox.bottom);
+        }
+        bbox
+    }
+
+    /// The view of an ideal lens; its image has no borders at known pixels.
+    pub(crate) fn ideal(&self) -> Self {
+        Self { camera: Camera { distortion: None, image_size: None, ..self.camera }, ..*self }
     }
 
     /// A box of a distorted image without distortion: each side moves as its middle does. A side whose middle

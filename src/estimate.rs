@@ -23,7 +23,7 @@ use crate::residual::Projection;
 use crate::sampler::Stream;
 use crate::score::{Scoring, cost};
 use crate::simd::VectorUnit;
-use crate::workspace::Workspace;
+use crate::workspace::{Buffers, Workspace};
 
 /// The pose and shape of one object. Everything about residuals belongs to the pose returned.
 #[derive(Clone, Debug)]
@@ -109,9 +109,6 @@ pub struct Estimator {
     options: Options,
 }
 
-/// Columns this close to the image border are cut by it.
-const BORDER_PX: f64 = 1.5;
-
 impl Estimator {
     /// An estimator with these options.
     ///
@@ -152,7 +149,26 @@ impl Estimator {
         workspace: &mut impl Workspace,
         index: u64,
     ) -> Result<Estimate, NoPose> {
-        let buffers = workspace.buffers(observation.keypoints_2d().len()).ok_or(NoPose::WorkspaceTooSmall)?;
+        let mut buffers = workspace.buffers(observation.keypoints_2d().len()).ok_or(NoPose::WorkspaceTooSmall)?;
+        if view.camera.distortion.is_none() {
+            return self.estimate_ideal(view, observation, buffers, index);
+        }
+        let pixels = core::mem::take(&mut buffers.pixels);
+        for (pixel, &distorted) in pixels.iter_mut().zip(observation.keypoints_2d()) {
+            *pixel = view.camera.undistort(distorted).unwrap_or([f64::NAN; 2]);
+        }
+        let bbox = observation.bbox().map(|bbox| view.undistort_bbox(view.uncut_bbox(bbox)));
+        self.estimate_ideal(&view.ideal(), &observation.seen_ideally(pixels, bbox), buffers, index)
+    }
+
+    /// Without distortion.
+    fn estimate_ideal(
+        &self,
+        view: &View,
+        observation: &Observation,
+        buffers: Buffers,
+        index: u64,
+    ) -> Result<Estimate, NoPose> {
         let points = Points::gather(&view.camera, observation, &self.options, buffers)?;
         Job { unit: VectorUnit::detect(), options: &self.options, view, observation, points }.run(index)
     }
@@ -214,15 +230,7 @@ impl Job<'_> {
 
     /// The box without the sides that the image border cuts.
     fn usable_bbox(&self) -> Bbox {
-        let mut bbox = self.given_bbox();
-        if let Some([width, height]) = self.view.camera.image_size {
-            let unless = |is_cut: bool, side: f64| if is_cut { f64::NAN } else { side };
-            bbox.left = unless(bbox.left <= BORDER_PX, bbox.left);
-            bbox.top = unless(bbox.top <= BORDER_PX, bbox.top);
-            bbox.right = unless(bbox.right >= width - 1.0 - BORDER_PX, bbox.right);
-            bbox.bottom = unless(bbox.bottom >= height - 1.0 - BORDER_PX, bbox.bottom);
-        }
-        bbox
+        self.view.uncut_bbox(self.given_bbox())
     }
 
     /// The solver asked for with the box as given, or the one that the usable box sides allow.

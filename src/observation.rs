@@ -82,6 +82,11 @@ impl<'a> Observation<'a> {
         Ok(self)
     }
 
+    /// The same object as an ideal lens shows it.
+    pub(crate) fn seen_ideally<'b>(&'b self, keypoints_2d: &'b [[f64; 2]], bbox: Option<Bbox>) -> Observation<'b> {
+        Observation { keypoints_2d, bbox, ..*self }
+    }
+
     /// Keypoints in pixels; NaN = not seen.
     #[must_use]
     pub fn keypoints_2d(&self) -> &'a [[f64; 2]] {

@@ -15,6 +15,8 @@ pub struct Buffers<'a> {
     pub(crate) scratch: &'a mut [f64],
     /// Residuals of the returned pose, one per keypoint of the model.
     pub(crate) residuals: &'a mut [f64],
+    /// Keypoints without the lens's distortion.
+    pub(crate) pixels: &'a mut [[f64; 2]],
 }
 
 /// Something that can lend buffers for `keypoints` keypoints.
@@ -42,6 +44,7 @@ pub struct FixedWorkspace<const N: usize> {
     order: [u32; N],
     scratch: [f64; N],
     residuals: [f64; N],
+    pixels: [[f64; 2]; N],
     keypoints: usize,
 }
 
@@ -55,6 +58,7 @@ impl<const N: usize> FixedWorkspace<N> {
             order: [0; N],
             scratch: [0.0; N],
             residuals: [0.0; N],
+            pixels: [[0.0; 2]; N],
             keypoints: 0,
         }
     }
@@ -78,6 +82,7 @@ impl<const N: usize> Workspace for FixedWorkspace<N> {
             order: &mut self.order[..keypoints],
             scratch: &mut self.scratch[..keypoints],
             residuals: &mut self.residuals[..keypoints],
+            pixels: &mut self.pixels[..keypoints],
         })
     }
 
@@ -93,6 +98,7 @@ pub struct GrowingWorkspace {
     blocks: Vec<Block>,
     indices: Vec<u32>,
     numbers: Vec<f64>,
+    pixels: Vec<[f64; 2]>,
     keypoints: usize,
 }
 
@@ -112,6 +118,7 @@ impl Workspace for GrowingWorkspace {
             self.blocks.resize(keypoints.div_ceil(LANES), Block::default());
             self.indices.resize(2 * keypoints, 0);
             self.numbers.resize(2 * keypoints, 0.0);
+            self.pixels.resize(keypoints, [0.0; 2]);
         }
         self.keypoints = keypoints;
         let (visible, order) = self.indices.split_at_mut(keypoints);
@@ -122,6 +129,7 @@ impl Workspace for GrowingWorkspace {
             order: &mut order[..keypoints],
             scratch: &mut scratch[..keypoints],
             residuals,
+            pixels: &mut self.pixels[..keypoints],
         })
     }
 

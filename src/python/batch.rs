@@ -95,7 +95,7 @@ pub(crate) fn estimate_batch<'py>(
         py.detach(|| match &pool {
             None => {
                 let residuals = outputs.residuals_of(start, results.len());
-                inputs.estimate(&estimator, &mut Scratch::default(), start, results, residuals);
+                inputs.estimate(&estimator, &mut GrowingWorkspace::new(), start, results, residuals);
                 outputs.store(start, results);
             }
             Some(pool) => pool.install(|| {
@@ -107,13 +107,6 @@ pub(crate) fn estimate_batch<'py>(
     outputs.into_dict(py)
 }
 
-/// Buffers of one thread.
-#[derive(Default)]
-struct Scratch {
-    workspace: GrowingWorkspace,
-    undistorted: Vec<[f64; 2]>,
-}
-
 /// A pose, or why there is none.
 type Answer = Result<Estimate, NoPose>;
 
@@ -122,14 +115,14 @@ impl Inputs<'_> {
     fn estimate(
         &self,
         estimator: &Estimator,
-        scratch: &mut Scratch,
+        workspace: &mut GrowingWorkspace,
         start: usize,
         results: &mut [Answer],
         residuals: &mut [f64],
     ) {
         for (k, result) in results.iter_mut().enumerate() {
             let row = &mut residuals[k * self.keypoints..(k + 1) * self.keypoints];
-            *result = self.estimate_one(estimator, start + k, scratch, row);
+            *result = self.estimate_one(estimator, start + k, workspace, row);
         }
     }
 
@@ -137,44 +130,37 @@ impl Inputs<'_> {
     fn estimate_parallel(&self, estimator: &Estimator, start: usize, results: &mut [Answer], residuals: &mut [f64]) {
         let row = self.keypoints;
         if row == 0 {
-            return self.estimate(estimator, &mut Scratch::default(), start, results, residuals);
+            return self.estimate(estimator, &mut GrowingWorkspace::new(), start, results, residuals);
         }
         results
             .par_chunks_mut(OBJECTS_PER_TASK)
             .zip(residuals.par_chunks_mut(OBJECTS_PER_TASK * row))
             .enumerate()
-            .for_each_init(Scratch::default, |scratch, (k, (results, residuals))| {
-                self.estimate(estimator, scratch, start + k * OBJECTS_PER_TASK, results, residuals);
+            .for_each_init(GrowingWorkspace::new, |workspace, (k, (results, residuals))| {
+                self.estimate(estimator, workspace, start + k * OBJECTS_PER_TASK, results, residuals);
             });
     }
 
-    fn estimate_one(&self, estimator: &Estimator, i: usize, scratch: &mut Scratch, residuals: &mut [f64]) -> Answer {
+    fn estimate_one(
+        &self,
+        estimator: &Estimator,
+        i: usize,
+        workspace: &mut GrowingWorkspace,
+        residuals: &mut [f64],
+    ) -> Answer {
         residuals.fill(f64::NAN);
         let model = self.models[if self.models.len() == 1 { 0 } else { i }].shape_model();
         let count = model.keypoint_count();
         let row = i * self.keypoints;
-        let given = &self.keypoints_2d[row..row + count];
-        let Scratch { workspace, undistorted } = scratch;
-        let keypoints = if self.view.camera.distortion.is_some() {
-            undistorted.clear();
-            undistorted.extend(given.iter().map(|&p| undistort(&self.view, p)));
-            undistorted.as_slice()
-        } else {
-            given
-        };
+        let keypoints = &self.keypoints_2d[row..row + count];
         let scores = self.scores.map(|s| &s[row..row + count]);
         let bbox = self.bboxes.map(|b| b[i]).filter(|b| !b.iter().all(|x| x.is_nan()));
-        let observation = observe(keypoints, &model, scores, bbox, self.thresholds.map(|t| t[i]), &self.view)
-            .ok_or(NoPose::InvalidInput)?;
+        let observation =
+            observe(keypoints, &model, scores, bbox, self.thresholds.map(|t| t[i])).ok_or(NoPose::InvalidInput)?;
         let estimate = estimator.estimate_indexed(&self.view, &observation, workspace, i as u64)?;
         residuals[..count].copy_from_slice(workspace.residuals());
         Ok(estimate)
     }
-}
-
-/// A pixel without distortion; NaN (not seen) where it cannot be undone. Infinite pixels stay what they are.
-fn undistort(view: &View, pixel: [f64; 2]) -> [f64; 2] {
-    if pixel.iter().any(|x| x.is_infinite()) { pixel } else { view.camera.undistort(pixel).unwrap_or([f64::NAN; 2]) }
 }
 
 /// The observation of one object; `None` where one of its own numbers is not usable.
@@ -184,14 +170,13 @@ fn observe<'a>(
     scores: Option<&'a [f64]>,
     bbox: Option<[f64; 4]>,
     threshold: Option<f64>,
-    view: &View,
 ) -> Option<Observation<'a>> {
     let mut observation = Observation::new(keypoints, model).ok()?;
     if let Some(scores) = scores {
         observation = observation.with_scores(scores).ok()?;
     }
     if let Some(sides) = bbox {
-        observation = observation.with_bbox(view.undistort_bbox(Bbox::new(sides).ok()?));
+        observation = observation.with_bbox(Bbox::new(sides).ok()?);
     }
     if let Some(threshold) = threshold {
         observation = observation.with_inlier_threshold(threshold).ok()?;

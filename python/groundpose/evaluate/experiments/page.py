@@ -6,9 +6,10 @@ import math
 from pathlib import Path
 
 from groundpose.evaluate import report
+from groundpose.evaluate.experiments.figures import FIGURES as FIGURES_DRAWN
 from groundpose.evaluate.experiments.findings import CLAIMS, Finding
 from groundpose.evaluate.experiments.series import MICROSECONDS, Results
-from groundpose.evaluate.experiments.settings import OUTLIERS, Setting, settings_of
+from groundpose.evaluate.experiments.settings import EXPERIMENTS, OUTLIERS, Setting, settings_of
 
 PAGE, FIGURES = Path("docs/experiments.md"), Path("docs/experiments")
 INTRODUCTION = """\
@@ -34,6 +35,10 @@ How to read it:
 - No library we know offers a robust pose with a known tilt in Python: "ours, UP2P search" (two points,
   known tilt, no box, our refinement) stands in for it."""
 VERDICTS = {True: "Confirmed.", False: "**Not confirmed.**", None: "Not measured yet."}
+FIGURE_METHODS = {
+    "fig4": [name for key in ("fig4_paper", "fig4_today") for name in FIGURES_DRAWN[key][2]],
+    "fig5": list(FIGURES_DRAWN["fig5"][2]),
+}
 SHOWN = {"E1": (0.5, 0.9), "E2": (50.0, 1000.0), "E3": (0.0, 3.0), "E4": (0.0, 3.0)}
 """Settings shown as tables; figures show all."""
 
@@ -46,9 +51,12 @@ def render(results: Results, figures: list[Path]) -> str:
         "`groundpose experiment all` makes it again.",
     ]
     parts.append(_state(results))
+    whole = complete(results)
+    if not whole:
+        parts.append("This run is not finished, and other programs ran beside it: do not rely on its times.")
     parts += [f"![{path.stem}](experiments/{path.name})" for path in figures]
     for section, claims in CLAIMS.items():
-        parts += [f"## {section}", *(_claim(check(results)) for check in claims)]
+        parts += [f"## {section}", *(_claim(check(results), whole) for check in claims)]
     parts.append("## Numbers")
     for experiment, values in SHOWN.items():
         for setting in settings_of(experiment):
@@ -67,8 +75,20 @@ def write(results: Results, page: Path = PAGE, figures: Path = FIGURES) -> Path:
     return page
 
 
-def _claim(finding: Finding) -> str:
-    head = f"**Claim:** {finding.claim}. {VERDICTS[finding.confirmed]}"
+def complete(results: Results) -> bool:
+    """Whether every setting of every experiment has every method that its figures show."""
+    shown = {name: set(FIGURE_METHODS["fig5" if name == "HRE" else "fig4"]) for name in EXPERIMENTS}
+    return all(
+        experiment in results.stores
+        and shown[experiment] <= set(results.stores[experiment].results.get(setting.key, {}))
+        for experiment, settings in EXPERIMENTS.items()
+        for setting in settings
+    )
+
+
+def _claim(finding: Finding, whole: bool) -> str:
+    so_far = "" if whole or finding.confirmed is None else " (So far: not everything is measured yet.)"
+    head = f"**Claim:** {finding.claim}. {VERDICTS[finding.confirmed]}{so_far}"
     return "\n".join([head, "", *(f"- {line}" for line in finding.numbers)]).rstrip()
 
 
