@@ -104,8 +104,10 @@ def write_page(root: Path) -> Path:
 
 
 def headline(solver: dict[str, Any]) -> str:
-    """The README's table: accuracy and time on vehicle-like scenes, every method of the time row. Empty as long as
-    one of the two rows was not measured."""
+    """The README's table: accuracy and time on vehicle-like scenes, every method of the time row.
+
+    Empty as long as one of the two rows was not measured.
+    """
     rows = {row["id"]: row for row in solver["rows"]}
     if not {"v1", "time"} <= set(rows):
         return ""
