@@ -191,6 +191,7 @@ fn reason(change: impl FnOnce(&mut Case), options: Options) -> NoPose {
 fn every_reason_for_no_pose_is_reached() {
     let default = Options::default();
     let p1p = Options { solver: Solver::P1p, ..default };
+    let p1p_height = Options { solver: Solver::P1pHeight, ..default };
     let unseen = |count: usize| move |case: &mut Case| case.keypoints_2d[count..].fill([NAN; 2]);
     let noise = |case: &mut Case| {
         let [left, top, right, bottom] = case.bbox.unwrap();
@@ -207,6 +208,7 @@ fn every_reason_for_no_pose_is_reached() {
         ("one point", NoPose::Degenerate, reason(|c| c.keypoints_3d.fill([0.1; 3]), default)),
         ("points on a line", NoPose::Degenerate, reason(|c| line(&mut c.keypoints_3d), default)),
         ("P1P without a box", NoPose::NoHypothesis, reason(|c| c.bbox = None, p1p)),
+        ("no height", NoPose::NoHypothesis, reason(|_| (), p1p_height)),
         ("a box elsewhere", NoPose::NoHypothesis, reason(|c| c.bbox = Some([-9e5, 0.0, -8.99e5, 9.0]), p1p)),
         ("keypoints anywhere", NoPose::NoConsensus, reason(noise, default)),
         ("asked too much", NoPose::NoConsensus, reason(|_| (), Options { max_log10_nfa: -1e9, ..default })),

@@ -217,6 +217,30 @@ fn turned_about_the_optical_axis() {
     }
 }
 
+/// Pixels of a distorting lens, told of its distortion, are pixels of an ideal lens.
+#[test]
+fn distortion() {
+    for mut case in cases() {
+        // The sides of a distorted box are known to their middles only.
+        case.bbox = None;
+        case.inlier_threshold = Some(6.0);
+        let camera = case.view.camera.with_distortion([-0.2, 0.05, 1e-3, -1e-3, 0.01]).unwrap();
+        let mut distorted = case.clone();
+        distorted.view = view_of(&case, camera, case.view.tilt);
+        distorted.keypoints_2d.iter_mut().for_each(|p| *p = camera.distort(*p));
+        for refinement in REFINEMENTS {
+            let options = Options { refinement, max_log10_nfa: f64::INFINITY, ..Options::default() };
+            match (case.estimate(options), distorted.estimate(options)) {
+                (Ok((ideal, before)), Ok((found, after))) => {
+                    assert_same_pose(&found.pose, &ideal.pose, 1e-6);
+                    assert!(before.iter().zip(&after).all(|(a, b)| (a - b).abs() <= 1e-3 + 1e-6 * a));
+                }
+                (before, after) => assert_eq!(before.err(), after.err()),
+            }
+        }
+    }
+}
+
 /// One object, the ground and the camera's place fixed: however the camera is tilted, an exact object is found, with
 /// the yaw it has.
 #[test]

@@ -65,8 +65,9 @@ fn broken_promise(case: &Case, options: &Options, e: &Estimate, residuals: &[f64
     // The square of a residual beyond 1e154 pixels is infinite, and projecting loses digits in proportion to the
     // numbers of the camera and the pixel, and to the distance of a point over its depth.
     let points = case.points_in_camera(&e.pose, &e.shape_coefficients);
+    let pixels = case.ideal_keypoints();
     let rounding = |i: usize| {
-        let ([u, v], [x, y, z], camera) = (case.keypoints_2d[i], points[i], case.view.camera);
+        let ([u, v], [x, y, z], camera) = (pixels[i], points[i], case.view.camera);
         let slope = 1.0 + (x.abs() + y.abs()) / z.abs();
         let distance = e.pose.t.norm() + Vector3::from(points[i]).norm();
         let projected = (camera.fx + camera.fy) * slope * (1.0 + distance / z.abs());
@@ -181,6 +182,10 @@ fn odd_view(random: &mut Random) -> Result<View, InputError> {
         Camera::new(focal, odd_number(random, 0.9, 1.1).abs() * focal, 640.0, odd_number(random, 0.0, 500.0))?;
     if random.next().is_multiple_of(2) {
         camera = camera.with_image_size(1280.0, 720.0)?;
+    }
+    if random.next().is_multiple_of(4) {
+        let coefficient = [(); 5].map(|()| odd_number(random, -0.3, 0.3) * 0.5);
+        camera = camera.with_distortion(coefficient)?;
     }
     let limit = pick(random, &[0.1, 0.7, 1.57]);
     let tilt = Tilt { pitch: random.between(-limit, limit), roll: random.between(-2.0 * limit, 2.0 * limit) };

@@ -68,6 +68,7 @@ struct Choices {
 struct Input {
     camera: [Number; 4],
     image_size: Option<[Number; 2]>,
+    distortion: Option<[Number; 5]>,
     tilt: [i8; 2],
     height: Option<Number>,
     keypoints: Vec<Keypoint>,
@@ -113,6 +114,9 @@ fn run(input: &Input) -> Result<(), InputError> {
     if let Some(size) = input.image_size {
         let [width, height] = values(size);
         camera = camera.with_image_size(width, height)?;
+    }
+    if let Some(coefficients) = input.distortion {
+        camera = camera.with_distortion(values(coefficients).map(|x| 0.01 * x))?;
     }
     let [pitch, roll] = input.tilt.map(|x| f64::from(x) / 82.0);
     let mut view = View::new(camera, Tilt { pitch, roll })?;

@@ -145,14 +145,16 @@ def _models(models: Any, count: int) -> tuple[ShapeModel, ...]:
 
 def _check_widths(keypoints: FloatArray, lengths: list[int] | None, models: tuple[ShapeModel, ...]) -> None:
     """Every object has as many keypoints as its model; beyond them an array is NaN."""
+    if lengths is None and len(set(models)) == 1:  # one look for a model that all share
+        models = models[:1]
     width = keypoints.shape[1]
+    counts = np.array([len(model.keypoints_3d) for model in models])
     if lengths is None:
-        wanted = max((len(model.keypoints_3d) for model in set(models)), default=width)
+        wanted = int(counts.max(initial=0)) if len(counts) else width
         if width != wanted:
             raise input_error("keypoints_2d", f"{wanted} keypoints as in the model", width)
-        if len({len(model.keypoints_3d) for model in set(models)}) < 2:
+        if np.all(counts == width):
             return
-    counts = np.array([len(model.keypoints_3d) for model in models])
     if lengths is not None:
         for i in np.flatnonzero(counts != lengths):
             raise input_error(f"keypoints_2d[{i}]", f"{counts[i]} keypoints as in the model", lengths[i])

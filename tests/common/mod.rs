@@ -94,13 +94,18 @@ impl Case {
         (0..self.keypoints_3d.len()).map(point).collect()
     }
 
-    /// Reprojection errors of a pose and shape, written down again: nothing of the crate is used.
+    /// Keypoints as an ideal lens shows them; NaN = not seen.
+    pub fn ideal_keypoints(&self) -> Vec<[f64; 2]> {
+        let is_seen = |i: usize| self.scores.as_ref().is_none_or(|s| s[i] > 0.0);
+        let ideal = |(i, &pixel)| is_seen(i).then(|| self.view.camera.undistort(pixel)).flatten();
+        self.keypoints_2d.iter().enumerate().map(|p| ideal(p).unwrap_or([f64::NAN; 2])).collect()
+    }
+
+    /// Reprojection errors of a pose and shape, written down again: but for the lens nothing of the crate is used.
     pub fn residuals(&self, pose: &Pose, coefficients: &[f64]) -> Vec<f64> {
         let camera = &self.view.camera;
-        let residual = |(i, [x, y, z]): (usize, [f64; 3])| {
-            let score = self.scores.as_ref().map_or(1.0, |s| s[i]);
-            let [u, v] = self.keypoints_2d[i];
-            if u.is_nan() || v.is_nan() || !(score > 0.0) {
+        let residual = |([u, v], [x, y, z]): ([f64; 2], [f64; 3])| {
+            if u.is_nan() || v.is_nan() {
                 return f64::NAN;
             }
             if z <= 0.0 {
@@ -108,7 +113,7 @@ impl Case {
             }
             (camera.fx * x / z + camera.cx - u).hypot(camera.fy * y / z + camera.cy - v)
         };
-        self.points_in_camera(pose, coefficients).into_iter().enumerate().map(residual).collect()
+        self.ideal_keypoints().into_iter().zip(self.points_in_camera(pose, coefficients)).map(residual).collect()
     }
 }
 
