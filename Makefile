@@ -47,7 +47,9 @@ test-python: $(VENV)/installed-dev
 
 results: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[rivals]'
-	$(BIN)/python -m groundpose.evaluate.bars
+	# a bar that is not met is a result, not a failure of make
+	-$(BIN)/python -m groundpose.evaluate.bars
+	-$(BIN)/python -m groundpose.evaluate.bars --seed 1 --only v1,e1,e1-90,e1-tilt,chance --out results/solver_seed1.json
 	$(BIN)/python -m groundpose.evaluate.real
 
 clean:

@@ -87,6 +87,9 @@ def render(root: Path) -> str:
     parts = ["# Results", "Generated from `results/*.json`; the command above each table makes it again."]
     if solver:
         parts += _solver(solver)
+    for path in sorted((root / SOLVER_JSON).parent.glob("solver_seed*.json")):
+        other = read_json(path)
+        parts += ["## The same with another seed", *_summary(other)]
     if real:
         parts += _real(real)
     return "\n\n".join(parts) + "\n"
@@ -135,7 +138,7 @@ def with_headline(readme: str, solver: dict[str, Any]) -> str:
     return f"{before}{begin}\n{headline(solver)}\n{end}{after}"
 
 
-def _solver(content: dict[str, Any]) -> list[str]:
+def _summary(content: dict[str, Any]) -> list[str]:
     lines, short = [], []
     for row in content["rows"]:
         if row["missing"]:
@@ -153,8 +156,12 @@ def _solver(content: dict[str, Any]) -> list[str]:
             )
             if check["shortfall"]:
                 short.append(f"- {row['measure']}: {check['shortfall']}")
-    parts = ["## What the solver must show", f"`{content['command']}`", _made_on(content), table(lines)]
-    parts.append("Not met:\n\n" + "\n".join(short) if short else "Every bar that was measured is met.")
+    verdict = "Not met:\n\n" + "\n".join(short) if short else "Every bar that was measured is met."
+    return [f"`{content['command']}`", _made_on(content), table(lines), verdict]
+
+
+def _solver(content: dict[str, Any]) -> list[str]:
+    parts = ["## What the solver must show", *_summary(content)]
     for row in content["rows"]:
         for lines in (row["details"], row["times"]):
             if lines:
