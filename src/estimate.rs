@@ -386,7 +386,7 @@ impl Job<'_> {
         let (n, weight_sum) = (self.points.count, self.points.weight_sum);
         let are_scores = self.observation.has_scores() && self.options.score_weights;
         let (mut objective, _) = self.objective(0.5 * threshold);
-        set_shape(&mut objective, &state);
+        objective.set_shape(&state.coefficients);
         let noise = objective.estimate_noise(&state.pose);
         let score_sum = are_scores.then_some(weight_sum);
         let log10_nfa =
@@ -454,15 +454,9 @@ fn ambiguity(best: f64, runner_up: f64, noise_sigma: f64) -> f64 {
     libm::exp(-(runner_up - best).max(0.0) / square(noise_sigma))
 }
 
-fn set_shape(objective: &mut Objective, state: &State) {
-    if !objective.model.eigenvalues().is_empty() {
-        objective.set_shape(&state.coefficients);
-    }
-}
-
 /// Truncated squared error of a state, priors included (pixels squared, halved); sets the blocks to its shape.
 fn truncated_cost(objective: &mut Objective, state: &State, threshold: f64) -> f64 {
-    set_shape(objective, state);
+    objective.set_shape(&state.coefficients);
     let projection = Projection::new(&objective.view.camera, &state.pose);
     let tau2 = square(threshold);
     let points = cost(objective.unit, objective.blocks, &projection, Scoring::Msac, tau2, f64::INFINITY);

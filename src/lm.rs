@@ -125,8 +125,11 @@ const DAMPING: (f64, f64) = (1e-10, 1e8);
 const MAX_REJECTIONS: usize = 6;
 
 impl Objective<'_> {
-    /// Moves the model points to the shape of a state.
+    /// Moves the model points to the shape of a state; a rigid model has one shape.
     pub(crate) fn set_shape(&mut self, coefficients: &[f64; MAX_MODES]) {
+        if self.model.eigenvalues().is_empty() {
+            return;
+        }
         for (k, &i) in self.visible.iter().enumerate() {
             let [x, y, z] = self.model.keypoint(i as usize, coefficients);
             let (block, lane) = (&mut self.blocks[k / LANES], k % LANES);

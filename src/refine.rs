@@ -109,9 +109,7 @@ pub(crate) fn refine(
 ) -> (State, [StageStatistics; MAX_STAGES]) {
     let mut state = State { pose: *start, coefficients: [0.0; MAX_MODES] };
     let mut statistics = [StageStatistics::default(); MAX_STAGES];
-    if !objective.model.eigenvalues().is_empty() {
-        objective.set_shape(&state.coefficients);
-    }
+    objective.set_shape(&state.coefficients);
     for (stage, statistics) in schedule.iter().zip(&mut statistics) {
         let Some(stage) = stage else { continue };
         let (cost, iterations) = run_stage(objective, scratch, &mut state, stage);

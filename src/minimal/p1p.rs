@@ -41,7 +41,7 @@ const PAPER_CASES: [(usize, usize); 4] = [(3, 1), (2, 0), (0, 2), (1, 3)];
 
 /// Corners may lie outside the side planes by this share of the keypoint's distance: room for noise
 /// (method: 3 % served well with 2 px).
-const FEASIBILITY_TOLERANCE: f64 = 0.03;
+pub(super) const FEASIBILITY_TOLERANCE: f64 = 0.03;
 
 /// The solver for one object in one view.
 pub struct P1p<'a> {
@@ -102,6 +102,18 @@ impl<'a> P1p<'a> {
     }
 }
 
+/// Cosine and sine of both yaws with `p cos + q sin + g = 0`; none where they coincide or are complex.
+#[inline(always)]
+pub(super) fn solve_yaw(p: f64, q: f64, g: f64) -> Option<[(f64, f64); 2]> {
+    let norm_squared = p * p + q * q;
+    let discriminant = norm_squared - g * g;
+    if discriminant <= 0.0 {
+        return None;
+    }
+    let (inverse, root) = (1.0 / norm_squared, sqrt(discriminant));
+    Some([1.0, -1.0].map(|sign| ((-g * p + sign * root * q) * inverse, (-g * q - sign * root * p) * inverse)))
+}
+
 /// Both solutions of one case, before the test of feasibility: cosine, sine, distance.
 #[inline(always)]
 fn solve_case(
@@ -115,18 +127,11 @@ fn solve_case(
     let p = on_right.a * p_left - on_left.a * p_right;
     let q = on_right.a * q_left - on_left.a * q_right;
     let g = on_right.a * on_left.g - on_left.a * on_right.g;
-    let norm_squared = p * p + q * q;
-    let discriminant = norm_squared - g * g;
-    if discriminant <= 0.0 {
-        return [None, None];
-    }
-    let (inverse, root) = (1.0 / norm_squared, sqrt(discriminant));
+    let Some(yaws) = solve_yaw(p, q, g) else { return [None, None] };
     // Of the two equations the one whose plane is further from the ray gives the distance.
     let (plane, (p_plane, q_plane)) =
         if on_left.a.abs() > on_right.a.abs() { (on_left, (p_left, q_left)) } else { (on_right, (p_right, q_right)) };
-    [1.0, -1.0].map(|sign| {
-        let cosine = (-g * p + sign * root * q) * inverse;
-        let sine = (-g * q - sign * root * p) * inverse;
+    yaws.map(|(cosine, sine)| {
         let distance = -(p_plane * cosine + q_plane * sine + plane.g) / plane.a;
         (distance > 0.0).then_some((cosine, sine, distance))
     })

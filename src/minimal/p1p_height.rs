@@ -7,17 +7,14 @@
 use nalgebra::Vector3;
 
 use super::MinimalSolver;
-use super::p1p::{pose_at, touching_heights};
+use super::p1p::{FEASIBILITY_TOLERANCE, pose_at, solve_yaw, touching_heights};
 use crate::camera::View;
-use crate::math::sqrt;
 use crate::object::Bbox;
 use crate::observation::Observation;
 use crate::pose::Pose;
 
 /// A keypoint at nearly the camera's height has no depth: the smallest slope of its ray against the ground.
 const SMALLEST_SLOPE: f64 = 1e-3;
-/// As in P1P.
-const FEASIBILITY_TOLERANCE: f64 = 0.03;
 
 /// The solver for one object in one view of known height.
 pub struct P1pHeight<'a> {
@@ -60,15 +57,7 @@ impl MinimalSolver<1> for P1pHeight<'_> {
             };
             for &corner in model.footprint().corners() {
                 let (p, q) = coefficients(corner);
-                let norm_squared = p * p + q * q;
-                let discriminant = norm_squared - g * g;
-                if discriminant <= 0.0 {
-                    continue;
-                }
-                let root = sqrt(discriminant);
-                for sign in [1.0, -1.0] {
-                    let cosine = (-g * p + sign * root * q) / norm_squared;
-                    let sine = (-g * q - sign * root * p) / norm_squared;
+                for (cosine, sine) in solve_yaw(p, q, g).into_iter().flatten() {
                     let inside = model.footprint().corners().iter().all(|&other| {
                         let (p, q) = coefficients(other);
                         p * cosine + q * sine + g >= -FEASIBILITY_TOLERANCE * distance

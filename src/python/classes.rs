@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{fixed, flat, require_shape, rows};
-use super::input_error;
+use super::choose;
 use crate::camera::{Camera, Tilt, View};
 use crate::minimal::p1p::Cases;
 use crate::object::{Footprint, ShapeModel};
@@ -226,7 +226,7 @@ impl PyModel {
 pub(crate) struct PyOptions(pub(crate) Options);
 
 /// Named values of an option, in one table for both directions.
-struct Choices<T: 'static>(&'static str, &'static [(&'static str, T)]);
+pub(crate) struct Choices<T: 'static>(&'static str, &'static [(&'static str, T)]);
 
 const SOLVERS: Choices<Solver> = Choices(
     "solver",
@@ -238,7 +238,7 @@ const SOLVERS: Choices<Solver> = Choices(
         ("p1p_height", Solver::P1pHeight),
     ],
 );
-const CASES: Choices<Cases> = Choices("cases", &[("all", Cases::All), ("paper", Cases::Paper)]);
+pub(crate) const CASES: Choices<Cases> = Choices("cases", &[("all", Cases::All), ("paper", Cases::Paper)]);
 const SCORINGS: Choices<Scoring> = Choices("scoring", &[("msac", Scoring::Msac), ("inliers", Scoring::Inliers)]);
 const REFINEMENTS: Choices<Refinement> = Choices(
     "refinement",
@@ -252,12 +252,8 @@ const REFINEMENTS: Choices<Refinement> = Choices(
 );
 
 impl<T: Copy + PartialEq> Choices<T> {
-    fn parse(&self, name: &str) -> PyResult<T> {
-        let Self(argument, table) = self;
-        table.iter().find(|(n, _)| *n == name).map(|(_, value)| *value).ok_or_else(|| {
-            let names: Vec<&str> = table.iter().map(|(n, _)| *n).collect();
-            input_error(argument, &format!("one of {}", names.join(", ")), &format!("{name:?}"))
-        })
+    pub(crate) fn parse(&self, name: &str) -> PyResult<T> {
+        choose(self.0, name, self.1)
     }
 
     fn name(&self, value: T) -> &'static str {

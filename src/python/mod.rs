@@ -35,6 +35,14 @@ pub(crate) fn input_error(argument: &str, expected: &str, got: &str) -> PyErr {
     exception::InputError::new_err(format!("{argument}: expected {expected}, got {got}"))
 }
 
+/// The value of a name in a table of choices.
+pub(crate) fn choose<T: Copy>(argument: &str, name: &str, table: &[(&str, T)]) -> PyResult<T> {
+    table.iter().find(|(n, _)| *n == name).map(|(_, value)| *value).ok_or_else(|| {
+        let names: Vec<&str> = table.iter().map(|(n, _)| *n).collect();
+        input_error(argument, &format!("one of {}", names.join(", ")), &format!("{name:?}"))
+    })
+}
+
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("InputError", module.py().get_type::<exception::InputError>())?;

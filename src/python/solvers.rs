@@ -5,10 +5,10 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2}
 use pyo3::prelude::*;
 
 use super::arrays::{fixed, flat};
-use super::classes::{PyCamera, PyModel, PyView, to_matrix};
+use super::classes::{CASES, PyCamera, PyModel, PyView, to_matrix};
 use super::input_error;
 use crate::minimal::MinimalSolver;
-use crate::minimal::p1p::{Cases, P1p};
+use crate::minimal::p1p::P1p;
 use crate::minimal::p1p_height::P1pHeight;
 use crate::minimal::p3p::solve_p3p as p3p;
 use crate::minimal::up2p::solve_up2p as up2p;
@@ -63,13 +63,7 @@ pub(crate) fn solve_p1p<'py>(
     bbox: PyReadonlyArray1<'py, f64>,
     cases: &str,
 ) -> PyResult<Poses<'py>> {
-    let cases = match cases {
-        "all" => Cases::All,
-        "paper" => Cases::Paper,
-        _ => {
-            return Err(input_error("cases", "\"all\" or \"paper\"", &format!("{cases:?}")));
-        }
-    };
+    let cases = CASES.parse(cases)?;
     let bbox = self::bbox(&bbox)?;
     let mut poses = Vec::new();
     with_one_keypoint(model, keypoint_index, pair("keypoint_2d", &keypoint_2d)?, |observation| {

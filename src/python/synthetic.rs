@@ -4,16 +4,9 @@ use numpy::{PyArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use super::choose;
 use super::classes::to_matrix;
-use super::input_error;
 use crate::synthetic::{BboxError, Kind, Outliers, Protocol, Scene};
-
-fn choose<T: Copy>(argument: &str, name: &str, table: &[(&str, T)]) -> PyResult<T> {
-    table.iter().find(|(n, _)| *n == name).map(|(_, v)| *v).ok_or_else(|| {
-        let names: Vec<&str> = table.iter().map(|(n, _)| *n).collect();
-        input_error(argument, &format!("one of {}", names.join(", ")), &format!("{name:?}"))
-    })
-}
 
 #[pyfunction]
 #[pyo3(signature = (kind, trials, seed=0, first_trial=0, n_points=300, outlier_ratio=0.5, outliers="image",

@@ -36,20 +36,22 @@ class Answer:
     """With building its inputs and reading its outputs."""
 
 
-class _Clock:
+class Clock:
     """Adds up the time of the library's own calls."""
 
     def __init__(self) -> None:
+        """No time yet."""
         self.seconds = 0.0
 
     def __call__(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """The function's answer; its time is added."""
         start = time.perf_counter()
         result = function(*arguments)
         self.seconds += time.perf_counter() - start
         return result
 
 
-Call = Callable[[Any, Scene, _Clock], tuple[Array, Array] | None]
+Call = Callable[[Any, Scene, Clock], tuple[Array, Array] | None]
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class Rival:
     def solve(self, scene: Scene) -> Answer:
         """One scene. ImportError when the library is missing."""
         module = importlib.import_module(self.package)
-        clock = _Clock()
+        clock = Clock()
         start = time.perf_counter()
         pose = self.call(module, scene, clock)
         total = time.perf_counter() - start
@@ -84,7 +86,7 @@ class Rival:
 
 
 def _poselib(tuned: bool) -> Call:
-    def call(poselib: Any, scene: Scene, clock: _Clock) -> tuple[Array, Array] | None:
+    def call(poselib: Any, scene: Scene, clock: Clock) -> tuple[Array, Array] | None:
         c = scene.camera
         width, height = c.image_size or (0, 0)
         camera = {"model": "PINHOLE", "width": width, "height": height, "params": [c.fx, c.fy, c.cx, c.cy]}
@@ -107,8 +109,10 @@ def _poselib(tuned: bool) -> Call:
     return call
 
 
-def _opencv(flag: str) -> Call:
-    def call(cv2: Any, scene: Scene, clock: _Clock) -> tuple[Array, Array] | None:
+def opencv(flag: str) -> Call:
+    """OpenCV's robust solver with a flag of its own, then Levenberg and Marquardt on the inliers."""
+
+    def call(cv2: Any, scene: Scene, clock: Clock) -> tuple[Array, Array] | None:
         cv2.setNumThreads(1)  # as everybody here
         c = scene.camera
         K = np.array([[c.fx, 0.0, c.cx], [0.0, c.fy, c.cy], [0.0, 0.0, 1.0]])
@@ -135,14 +139,14 @@ POSELIB_TUNED = Rival(
     "poselib",
     _poselib(tuned=True),
 )
-_WITH_LM = "solvePnPRansac, then solvePnPRefineLM on its inliers"
-OPENCV_EPNP = Rival("OpenCV EPNP + LM", _WITH_LM, "cv2", _opencv("SOLVEPNP_EPNP"), slow_with_outliers=True)
+WITH_LM = "solvePnPRansac, then solvePnPRefineLM on its inliers"
+OPENCV_EPNP = Rival("OpenCV EPNP + LM", WITH_LM, "cv2", opencv("SOLVEPNP_EPNP"), slow_with_outliers=True)
 RIVALS = (
     POSELIB_TUNED,
     Rival("PoseLib", "threshold, confidence and iteration limit only", "poselib", _poselib(tuned=False)),
     OPENCV_EPNP,
-    Rival("OpenCV P3P + LM", _WITH_LM, "cv2", _opencv("SOLVEPNP_P3P")),
-    Rival("OpenCV USAC MAGSAC + LM", _WITH_LM, "cv2", _opencv("USAC_MAGSAC")),
+    Rival("OpenCV P3P + LM", WITH_LM, "cv2", opencv("SOLVEPNP_P3P")),
+    Rival("OpenCV USAC MAGSAC + LM", WITH_LM, "cv2", opencv("USAC_MAGSAC")),
 )
 """Every configuration that is compared with, the one to beat first."""
 

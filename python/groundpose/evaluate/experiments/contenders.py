@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -80,6 +80,14 @@ def polished(search: Outcome, kept: Mask, scenes: Scenes, polish: Polish) -> Out
     return Outcome(R, t, seconds, search.iterations)
 
 
+def each_polished(
+    name: str, polishes: Sequence[Polish], search: Outcome, kept: Mask, scenes: Scenes, wanted: list[str]
+) -> dict[str, Outcome]:
+    """A search followed by every polishing method that is wanted, under the names of both."""
+    names = {f"{name}+{polish.name}": polish for polish in polishes}
+    return {both: polished(search, kept, scenes, p) for both, p in names.items() if both in wanted}
+
+
 def _all(setting: Setting, trials: int) -> int:
     return trials
 
@@ -127,9 +135,7 @@ class Ransac:
             if method.name in wanted:
                 found[method.name] = run_solver(method, scenes)
         kept = inlier_mask(scenes, search.R, search.t)
-        for polish in PNPS:
-            if f"{self.name}+{polish.name}" in wanted:
-                found[f"{self.name}+{polish.name}"] = polished(search, kept, scenes, polish)
+        found |= each_polished(self.name, PNPS, search, kept, scenes, wanted)
         return {name: outcome for name, outcome in found.items() if name in wanted}
 
 
@@ -158,10 +164,7 @@ class Reppnp:
             if pose is not None:
                 R[k], t[k] = pose
         search = Outcome(R, t, seconds)
-        found = {self.name: search}
-        for polish in (GN, *PNPS):
-            if f"{self.name}+{polish.name}" in wanted:
-                found[f"{self.name}+{polish.name}"] = polished(search, kept, scenes, polish)
+        found = {self.name: search} | each_polished(self.name, (GN, *PNPS), search, kept, scenes, wanted)
         return {name: outcome for name, outcome in found.items() if name in wanted}
 
 

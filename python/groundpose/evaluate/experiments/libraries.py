@@ -10,18 +10,18 @@ import numpy as np
 from groundpose.evaluate.experiments.outcome import Outcome, missing
 from groundpose.evaluate.experiments.settings import Setting
 from groundpose.evaluate.rivals import (
-    _WITH_LM,
     CONFIDENCE,
     MAX_ITERATIONS,
     RIVALS,
+    WITH_LM,
+    Clock,
     Rival,
-    _Clock,
-    _opencv,
+    opencv,
 )
 from groundpose.evaluate.scenes import Array, Scene, Scenes
 
 
-def _pycolmap(pycolmap: Any, scene: Scene, clock: _Clock) -> tuple[Array, Array] | None:
+def _pycolmap(pycolmap: Any, scene: Scene, clock: Clock) -> tuple[Array, Array] | None:
     c = scene.camera
     width, height = c.image_size or (0, 0)
     # its pixel centres are at half-integers; a common shift of points and principal point changes nothing
@@ -51,8 +51,8 @@ PYCOLMAP = Rival(
 )
 EVERY_RIVAL = (
     *RIVALS,
-    Rival("OpenCV USAC ACCURATE + LM", _WITH_LM, "cv2", _opencv("USAC_ACCURATE")),
-    Rival("OpenCV SQPNP + LM", _WITH_LM, "cv2", _opencv("SOLVEPNP_SQPNP"), slow_with_outliers=True),
+    Rival("OpenCV USAC ACCURATE + LM", WITH_LM, "cv2", opencv("USAC_ACCURATE")),
+    Rival("OpenCV SQPNP + LM", WITH_LM, "cv2", opencv("SOLVEPNP_SQPNP"), slow_with_outliers=True),
     PYCOLMAP,
 )
 # most trials from an outlier share on: 5-point kernels of OpenCV need 17 ms an object at a half, 0.2 s at
