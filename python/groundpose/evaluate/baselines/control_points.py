@@ -15,7 +15,7 @@ from groundpose.evaluate.baselines.geometry import Array, Pose, align, best_pose
 PLANAR = 1e-6
 """Thickness over extent below which an object counts as planar."""
 KERNEL = 4
-"""Kernel vectors that are considered (Ferraz et al. 2014, sec. 3.2, for a general object). A planar object
+"""Kernel vectors that are considered (Ferraz et al. 2014, for a general object). A planar object
 gets as many, our choice: with one its rotation error is three times larger."""
 ALTERNATIONS = 10
 
@@ -62,7 +62,7 @@ class System:
         return np.asarray(np.linalg.norm(Y[:, :2] - self.x * Y[:, 2:], axis=1))
 
     def pose(self, kernel: Array, used: Array) -> Pose | None:
-        """Control points from the kernel and the pose that aligns them (Ferraz et al. 2014, sec. 3.2).
+        """Control points from the kernel and the pose that aligns them (Ferraz et al. 2014).
 
         First the last kernel vector alone; then alternately the nearest vector of the whole kernel to the
         aligned control points, and the alignment with it. The sign of the first vector is the one that

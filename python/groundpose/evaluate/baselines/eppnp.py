@@ -1,5 +1,5 @@
 """EPPnP: the PnP method without outlier rejection of Ferraz, Binefa, Moreno-Noguer, "Very Fast Solution to
-the PnP Problem with Algebraic Outlier Rejection", CVPR 2014, sec. 3.2."""
+the PnP Problem with Algebraic Outlier Rejection", CVPR 2014 (its Procrustes-based PnP)."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 Solution", ICCV 2013.
 
 A quaternion of free length carries the reciprocal of the mean depth as a scale, so the cost is a quartic
-without constraint (paper, eq. 5 to 10). The paper finds its stationary points, four cubic equations, with a
-Groebner basis and polishes them with Newton's method ("OPnP+N"); here Newton's method starts from a cover of
-all rotations, see `quaternion`, so its answer is polished already."""
+without constraint. The paper finds its stationary points, four cubic equations, with a Groebner basis and
+polishes them with Newton's method ("OPnP+N"); here Newton's method starts from a cover of all rotations, see
+`quaternion`, so its answer is polished already."""
 
 from __future__ import annotations
 

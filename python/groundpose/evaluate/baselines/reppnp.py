@@ -1,5 +1,5 @@
 """REPPnP: Ferraz, Binefa, Moreno-Noguer, "Very Fast Solution to the PnP Problem with Algebraic Outlier
-Rejection", CVPR 2014, sec. 3.1.
+Rejection", CVPR 2014 (its algebraic outlier rejection).
 
 Starting with all points, the kernel vector of the linear system of the points in use is found, and points
 whose algebraic error exceeds max(quartile of all errors, delta_max) are left out of the next round; it ends

@@ -80,7 +80,7 @@ def _local_minima(quartics: Array) -> Array:
 
 
 def _about_axis(X: Array, x: Array, R_axis: Array, axis: Array) -> Pose | None:
-    """Angle about the axis and translation by a linear system, then depths and alignment (paper, sec. 3.3).
+    """Angle about the axis and translation by a linear system, then depths and alignment.
 
     R = exp(angle [axis]) R_axis, so R X = cos P + sin Q + S, with P the part of R_axis X across the axis,
     Q = axis x P and S the part along it; unknowns cos, sin, t up to scale.
