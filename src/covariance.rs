@@ -2,10 +2,11 @@
 
 use nalgebra::SMatrix;
 
-use crate::lm::{Objective, State, cholesky, padded_modes, solve_cholesky};
 use crate::loss::Kernel;
 use crate::math::square;
+use crate::normal::{State, cholesky, padded_modes, solve_cholesky};
 use crate::object::MAX_MODES;
+use crate::objective::Objective;
 
 /// Covariance of a pose: rotation vector on the left (camera frame, radians), then translation (metres).
 pub type PoseCovariance = SMatrix<f64, 6, 6>;

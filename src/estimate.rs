@@ -3,24 +3,21 @@
 use crate::camera::View;
 use crate::covariance::{PoseCovariance, ShapeCovariance, covariance};
 use crate::error::{InputError, NoPose};
+use crate::hypothesise::{Hypothesise, usable_bbox};
 use crate::lanes::LANES;
-use crate::lm::{Objective, State};
 use crate::math::{sqrt, square};
-use crate::minimal::p1p::P1p;
-use crate::minimal::p1p_height::P1pHeight;
-use crate::minimal::p3p::P3p;
-use crate::minimal::up2p::Up2p;
 use crate::noise::NoiseModel;
-use crate::object::{Bbox, MAX_MODES};
+use crate::normal::State;
+use crate::object::MAX_MODES;
+use crate::objective::Objective;
 use crate::observation::Observation;
 use crate::options::{Options, Solver};
 use crate::points::Points;
 use crate::pose::Pose;
 use crate::priors::Priors;
-use crate::ransac::{Candidate, Candidates, RansacStatistics, Search};
+use crate::ransac::{Candidate, Candidates, RansacStatistics};
 use crate::refine::{MAX_STAGES, Refinement, StageStatistics, refine, schedule};
 use crate::residual::Projection;
-use crate::sampler::Stream;
 use crate::score::{Scoring, cost};
 use crate::simd::VectorUnit;
 use crate::workspace::{Buffers, Workspace};
@@ -217,91 +214,16 @@ impl Job<'_> {
     fn run(mut self, index: u64) -> Result<Estimate, NoPose> {
         let plan = Plan::of(self.options.refinement);
         let mut candidates = Candidates::new(plan.candidates, plan.worst_ratio);
-        let (solver, ransac) = self.search(index, plan.min_draws, &mut candidates);
+        let (options, view, observation) = (self.options, self.view, self.observation);
+        let search = Hypothesise { unit: self.unit, options, view, observation, min_draws: plan.min_draws };
+        let (solver, ransac) = search.run(&mut self.points, index, &mut candidates);
         let (best, runner_up) = self.refine_all(&candidates).ok_or(NoPose::NoHypothesis)?;
         self.finish(best, runner_up, solver, ransac)
     }
 
-    /// The box as given; unknown sides are NaN.
-    fn given_bbox(&self) -> Bbox {
-        let nan = f64::NAN;
-        self.observation.bbox().unwrap_or(Bbox { left: nan, top: nan, right: nan, bottom: nan })
-    }
-
-    /// The box without the sides that the image border cuts.
-    fn usable_bbox(&self) -> Bbox {
-        self.view.uncut_bbox(self.given_bbox())
-    }
-
-    /// The solver asked for with the box as given, or the one that the usable box sides allow.
-    fn choose_solver(&self) -> (Solver, Bbox) {
-        if self.options.solver != Solver::Auto {
-            return (self.options.solver, self.given_bbox());
-        }
-        let bbox = self.usable_bbox();
-        let solver = match (bbox.left.is_nan(), bbox.right.is_nan(), self.view.height) {
-            (false, false, _) => Solver::P1p,
-            (true, true, _) | (_, _, None) => Solver::Up2p,
-            _ => Solver::P1pHeight,
-        };
-        (solver, bbox)
-    }
-
-    fn search(&mut self, index: u64, min_draws: usize, candidates: &mut Candidates) -> (Solver, RansacStatistics) {
-        let (solver, bbox) = self.choose_solver();
-        let mut stream = Stream::new(self.options.seed, index);
-        self.order_draws(&mut stream);
-        let (view, observation) = (self.view, self.observation);
-        let order = &self.points.buffers.order[..self.points.count];
-        let search = Search {
-            unit: self.unit,
-            camera: &view.camera,
-            blocks: self.points.blocks(),
-            visible: self.points.visible(),
-            scoring: self.options.scoring,
-            inlier_threshold: self.points.inlier_threshold,
-            confidence: self.options.confidence,
-            max_iterations: self.options.max_iterations,
-            min_draws,
-        };
-        let statistics = match solver {
-            Solver::P1p => search.one_point(&P1p::new(view, observation, &bbox, self.options.cases), order, candidates),
-            Solver::P1pHeight => match view.height {
-                Some(height) => search.one_point(&P1pHeight::new(view, observation, &bbox, height), order, candidates),
-                None => RansacStatistics::default(),
-            },
-            Solver::P3p => search.many_points(&P3p::new(&view.camera, observation), &mut stream, candidates),
-            Solver::Up2p | Solver::Auto => search.many_points(&Up2p::new(view, observation), &mut stream, candidates),
-        };
-        (solver, statistics)
-    }
-
-    /// A random order of the keypoints; by falling score where there are scores.
-    fn order_draws(&mut self, stream: &mut Stream) {
-        let buffers = &mut self.points.buffers;
-        let order = &mut buffers.order[..self.points.count];
-        for (k, o) in order.iter_mut().enumerate() {
-            *o = k as u32;
-        }
-        if !self.observation.has_scores() {
-            stream.shuffle(order);
-            return;
-        }
-        // Equal scores in a random order, whatever the sorting algorithm.
-        let salt = stream.bits();
-        let key = |&k: &u32| {
-            let tie = (salt ^ u64::from(k)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-            (self.observation.score(buffers.visible[k as usize] as usize), tie)
-        };
-        order.sort_unstable_by(|a, b| {
-            let ((score_a, tie_a), (score_b, tie_b)) = (key(a), key(b));
-            score_b.total_cmp(&score_a).then(tie_a.cmp(&tie_b))
-        });
-    }
-
     /// What is minimised, with priors weighed against this noise (pixels), and scratch memory.
     fn objective(&mut self, noise_sigma: f64) -> (Objective<'_>, &mut [f64]) {
-        let (bbox, camera, options) = (self.usable_bbox(), &self.view.camera, self.options);
+        let (bbox, camera, options) = (usable_bbox(self.view, self.observation), &self.view.camera, self.options);
         let threshold = self.points.inlier_threshold;
         let priors = Priors {
             noise_sigma,

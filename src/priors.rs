@@ -2,9 +2,11 @@
 
 use nalgebra::Vector3;
 
-use crate::lm::{Normal, Objective, State, add_pose_row};
+use crate::camera::View;
 use crate::loss::Kernel;
 use crate::math::square;
+use crate::normal::{Normal, State, add_pose_row};
+use crate::object::ShapeModel;
 use crate::residual::point_jacobian;
 
 /// Priors of one object.
@@ -30,18 +32,25 @@ const TILT_DOF: f64 = 8.0;
 /// hidden object ends anywhere.
 const BBOX_CUT: f64 = 4.0;
 
-impl Objective<'_> {
-    /// Adds the priors to normal equations and cost.
-    pub(crate) fn add_priors<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
-        normal.cost += self.prior_cost(state);
+/// Priors and what they speak of.
+pub(crate) struct PriorTerms<'a> {
+    pub(crate) priors: &'a Priors,
+    pub(crate) view: &'a View,
+    pub(crate) model: &'a ShapeModel<'a>,
+}
+
+impl PriorTerms<'_> {
+    /// Adds all of them to normal equations and cost.
+    pub(crate) fn add<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
+        normal.cost += self.cost(state);
         self.add_tilt_rows(state, normal);
         self.add_shape_rows(state, normal);
         self.add_bbox_rows(state, normal);
     }
 
-    /// Cost of the priors alone.
-    pub(crate) fn prior_cost(&self, state: &State) -> f64 {
-        let p = &self.priors;
+    /// Their cost (pixels squared, halved).
+    pub(crate) fn cost(&self, state: &State) -> f64 {
+        let p = self.priors;
         let tilt = self.tilt_kernel().map_or(0.0, |(kernel, scale)| scale * kernel.evaluate(self.tilt(state).norm2).0);
         let bbox = self.bbox_kernel().map_or(0.0, |(kernel, scale)| {
             let sides = self.bbox_residuals(state);
@@ -55,7 +64,7 @@ impl Objective<'_> {
 
     /// Kernel of the tilt prior, and its weight in units of the pixel cost: `(noise / sigma)^2`.
     fn tilt_kernel(&self) -> Option<(Kernel, f64)> {
-        let p = &self.priors;
+        let p = self.priors;
         let s2 = square(p.tilt_sigma);
         s2.is_finite().then(|| (Kernel::Student { s2, dof: TILT_DOF }, square(p.noise_sigma) / s2))
     }
@@ -98,7 +107,7 @@ impl Objective<'_> {
 
     /// Kernel of a side of the box, and its weight in units of the pixel cost.
     fn bbox_kernel(&self) -> Option<(Kernel, f64)> {
-        let p = &self.priors;
+        let p = self.priors;
         let s2 = square(p.bbox_sigma);
         let takes_part = p.use_bbox && s2.is_finite();
         takes_part.then(|| (Kernel::Tukey { c2: square(BBOX_CUT) * s2 }, square(p.noise_sigma) / s2))

@@ -1,9 +1,10 @@
 //! Refinement: a schedule of stages is data.
 
-use crate::lm::{Objective, State, padded_modes};
 use crate::loss::Kernel;
 use crate::math::{sqrt, square};
+use crate::normal::{State, padded_modes};
 use crate::object::MAX_MODES;
+use crate::objective::Objective;
 use crate::pose::Pose;
 
 /// How a hypothesis becomes a pose.

@@ -8,8 +8,9 @@ use pyo3::types::{PyDict, PyList};
 use rayon::prelude::*;
 
 use super::arrays::{flat, require_shape, rows};
-use super::classes::{ModelData, PyModel, PyOptions, PyView};
+use super::classes::{ModelData, PyModel, PyView};
 use super::input_error;
+use super::options::PyOptions;
 use super::threads::pool;
 use crate::batch::OBJECTS_PER_TASK;
 use crate::camera::View;

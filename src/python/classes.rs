@@ -3,18 +3,11 @@
 use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, ToPyArray};
-use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
 use super::arrays::{fixed, flat, require_shape, rows};
-use super::choose;
 use crate::camera::{Camera, Tilt, View};
-use crate::minimal::p1p::Cases;
 use crate::object::{Footprint, ShapeModel};
-use crate::options::{Options, Solver};
-use crate::refine::Refinement;
-use crate::score::Scoring;
 
 #[pyclass(frozen, name = "Camera", module = "groundpose._core")]
 pub(crate) struct PyCamera(pub(crate) Camera);
@@ -220,145 +213,6 @@ impl PyModel {
     fn footprint<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         to_matrix(py, self.0.footprint.corners())
     }
-}
-
-#[pyclass(frozen, name = "Options", module = "groundpose._core")]
-pub(crate) struct PyOptions(pub(crate) Options);
-
-/// Named values of an option, in one table for both directions.
-pub(crate) struct Choices<T: 'static>(&'static str, &'static [(&'static str, T)]);
-
-const SOLVERS: Choices<Solver> = Choices(
-    "solver",
-    &[
-        ("auto", Solver::Auto),
-        ("p1p", Solver::P1p),
-        ("p3p", Solver::P3p),
-        ("up2p", Solver::Up2p),
-        ("p1p_height", Solver::P1pHeight),
-    ],
-);
-pub(crate) const CASES: Choices<Cases> = Choices("cases", &[("all", Cases::All), ("paper", Cases::Paper)]);
-const SCORINGS: Choices<Scoring> = Choices("scoring", &[("msac", Scoring::Msac), ("inliers", Scoring::Inliers)]);
-const REFINEMENTS: Choices<Refinement> = Choices(
-    "refinement",
-    &[
-        ("default", Refinement::Default),
-        ("hre", Refinement::Hre),
-        ("re", Refinement::Re),
-        ("gn", Refinement::Gn),
-        ("none", Refinement::None),
-    ],
-);
-
-impl<T: Copy + PartialEq> Choices<T> {
-    pub(crate) fn parse(&self, name: &str) -> PyResult<T> {
-        choose(self.0, name, self.1)
-    }
-
-    fn name(&self, value: T) -> &'static str {
-        self.1.iter().find(|(_, v)| *v == value).map_or("", |(n, _)| n)
-    }
-}
-
-#[pymethods]
-impl PyOptions {
-    #[new]
-    #[pyo3(signature = (**fields))]
-    fn new(fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let mut options = Options::default();
-        for (key, value) in fields.into_iter().flatten() {
-            let key: String = key.extract()?;
-            set_option(&mut options, &key, &value).map_err(|e| {
-                if e.is_instance_of::<PyTypeError>(value.py()) { wrong_type(&key, &value, &e) } else { e }
-            })?;
-        }
-        options.check()?;
-        Ok(Self(options))
-    }
-}
-
-fn wrong_type(key: &str, value: &Bound<'_, PyAny>, cause: &PyErr) -> PyErr {
-    let got = value.get_type().name().map_or_else(|_| "another type".to_owned(), |n| n.to_string());
-    match key {
-        _ if !is_option(key) => PyTypeError::new_err(cause.to_string()),
-        _ => PyTypeError::new_err(format!("{key}: {cause}, got {got}")),
-    }
-}
-
-fn is_option(key: &str) -> bool {
-    OPTION_NAMES.contains(&key)
-}
-
-const OPTION_NAMES: [&str; 16] = [
-    "inlier_threshold",
-    "relative_threshold",
-    "confidence",
-    "solver",
-    "cases",
-    "scoring",
-    "refinement",
-    "hre_thresholds",
-    "tilt_sigma",
-    "shape_prior",
-    "bbox_sigma",
-    "covariance",
-    "max_iterations",
-    "min_keypoints",
-    "max_log10_nfa",
-    "score_weights",
-];
-
-fn set_option(options: &mut Options, key: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
-    match key {
-        "inlier_threshold" => options.inlier_threshold = value.extract()?,
-        "relative_threshold" => options.relative_threshold = value.extract()?,
-        "confidence" => options.confidence = value.extract()?,
-        "solver" => options.solver = SOLVERS.parse(value.extract()?)?,
-        "cases" => options.cases = CASES.parse(value.extract()?)?,
-        "scoring" => options.scoring = SCORINGS.parse(value.extract()?)?,
-        "refinement" => options.refinement = REFINEMENTS.parse(value.extract()?)?,
-        "hre_thresholds" => options.hre_thresholds = value.extract()?,
-        "tilt_sigma" => options.tilt_sigma = value.extract()?,
-        "shape_prior" => options.shape_prior = value.extract()?,
-        "bbox_sigma" => options.bbox_sigma = value.extract()?,
-        "covariance" => options.covariance = value.extract()?,
-        "max_iterations" => options.max_iterations = value.extract()?,
-        "min_keypoints" => options.min_keypoints = value.extract()?,
-        "max_log10_nfa" => options.max_log10_nfa = value.extract()?,
-        "score_weights" => options.score_weights = value.extract()?,
-        "seed" => options.seed = value.extract()?,
-        _ => {
-            let names = OPTION_NAMES.join(", ");
-            return Err(PyTypeError::new_err(format!("Options: expected one of {names}, seed, got {key:?}")));
-        }
-    }
-    Ok(())
-}
-
-/// Every option with its default: the place of defaults for Python too.
-#[pyfunction]
-pub(crate) fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-    let o = Options::default();
-    let dict = PyDict::new(py);
-    dict.set_item("inlier_threshold", o.inlier_threshold)?;
-    dict.set_item("relative_threshold", o.relative_threshold)?;
-    dict.set_item("confidence", o.confidence)?;
-    dict.set_item("solver", SOLVERS.name(o.solver))?;
-    dict.set_item("cases", CASES.name(o.cases))?;
-    dict.set_item("scoring", SCORINGS.name(o.scoring))?;
-    dict.set_item("refinement", REFINEMENTS.name(o.refinement))?;
-    dict.set_item("hre_thresholds", (o.hre_thresholds[0], o.hre_thresholds[1], o.hre_thresholds[2]))?;
-    dict.set_item("tilt_sigma", o.tilt_sigma)?;
-    dict.set_item("shape_prior", o.shape_prior)?;
-    dict.set_item("bbox_sigma", o.bbox_sigma)?;
-    dict.set_item("covariance", o.covariance)?;
-    dict.set_item("max_iterations", o.max_iterations)?;
-    dict.set_item("min_keypoints", o.min_keypoints)?;
-    dict.set_item("max_log10_nfa", o.max_log10_nfa)?;
-    dict.set_item("score_weights", o.score_weights)?;
-    dict.set_item("seed", o.seed)?;
-    Ok(dict)
 }
 
 /// Rows as a matrix of numpy's.

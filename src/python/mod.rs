@@ -4,6 +4,7 @@
 mod arrays;
 mod batch;
 mod classes;
+mod options;
 mod solvers;
 mod synthetic;
 mod threads;
@@ -49,8 +50,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<classes::PyCamera>()?;
     module.add_class::<classes::PyView>()?;
     module.add_class::<classes::PyModel>()?;
-    module.add_class::<classes::PyOptions>()?;
-    module.add_function(wrap_pyfunction!(classes::default_options, module)?)?;
+    module.add_class::<options::PyOptions>()?;
+    module.add_function(wrap_pyfunction!(options::default_options, module)?)?;
     module.add_function(wrap_pyfunction!(batch::estimate_batch, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p1p, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p1p_height, module)?)?;

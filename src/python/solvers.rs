@@ -5,8 +5,9 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2}
 use pyo3::prelude::*;
 
 use super::arrays::{fixed, flat};
-use super::classes::{CASES, PyCamera, PyModel, PyView, to_matrix};
+use super::classes::{PyCamera, PyModel, PyView, to_matrix};
 use super::input_error;
+use super::options::CASES;
 use crate::minimal::MinimalSolver;
 use crate::minimal::p1p::P1p;
 use crate::minimal::p1p_height::P1pHeight;

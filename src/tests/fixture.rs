@@ -2,9 +2,9 @@
 
 use crate::camera::View;
 use crate::lanes::LANES;
-use crate::lm::Objective;
 use crate::noise::NoiseModel;
 use crate::object::{MAX_MODES, ShapeModel};
+use crate::objective::Objective;
 use crate::priors::Priors;
 use crate::residual::Block;
 use crate::simd::VectorUnit;

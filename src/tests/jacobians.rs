@@ -4,9 +4,10 @@ use nalgebra::{Rotation3, Vector3, Vector6};
 
 use super::fixture::{Fixture, NO_PRIORS, Random};
 use crate::camera::{Camera, Tilt, View};
-use crate::lm::{Objective, State};
 use crate::loss::Kernel;
+use crate::normal::State;
 use crate::object::{MAX_MODES, ShapeModel};
+use crate::objective::Objective;
 use crate::pose::Pose;
 use crate::priors::Priors;
 use crate::residual::point_jacobian;

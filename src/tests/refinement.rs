@@ -6,10 +6,11 @@ use serde_json::Value;
 
 use super::fixture::Fixture;
 use crate::camera::{Camera, Tilt, View};
-use crate::lm::{Objective, State};
 use crate::loss::Kernel;
 use crate::math::square;
+use crate::normal::State;
 use crate::object::{MAX_MODES, ShapeModel};
+use crate::objective::Objective;
 use crate::pose::Pose;
 use crate::refine::{MAX_STAGES, Refinement, Schedule, Stage, StageKernel, refine, schedule};
 use crate::residual::Projection;

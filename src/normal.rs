@@ -1,0 +1,120 @@
+//! Normal equations of fixed size: what residuals and priors add to, and their solution by Cholesky.
+//!
+//! The unknowns of size `D` are a rotation vector (left perturbation, radians), a translation (metres) and
+//! `D - 6` shape coefficients.
+
+use nalgebra::Vector6;
+
+use crate::math::sqrt;
+use crate::object::MAX_MODES;
+use crate::pose::Pose;
+
+/// Pose and shape coefficients.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct State {
+    pub(crate) pose: Pose,
+    pub(crate) coefficients: [f64; MAX_MODES],
+}
+
+impl State {
+    /// The state after a step.
+    pub(crate) fn moved<const D: usize>(&self, step: &[f64; D]) -> Self {
+        let pose = self.pose.perturbed(&Vector6::from_column_slice(&step[..6]));
+        let mut coefficients = self.coefficients;
+        for m in 0..D - 6 {
+            coefficients[m] += step[6 + m];
+        }
+        Self { pose, coefficients }
+    }
+}
+
+/// Normal equations at a state, and the cost there.
+pub(crate) struct Normal<const D: usize> {
+    pub(crate) h: [[f64; D]; D],
+    pub(crate) gradient: [f64; D],
+    pub(crate) cost: f64,
+}
+
+/// Size of the unknowns for a number of modes: few sizes, so that few copies of the code exist. Modes a model
+/// does not have get a zero Jacobian and stay zero.
+pub(crate) fn padded_modes(modes: usize) -> usize {
+    [0, 5].into_iter().find(|&m| modes <= m).unwrap_or(MAX_MODES)
+}
+
+/// Adds one weighted row to the upper triangle of the normal equations.
+#[inline(always)]
+pub(crate) fn add_row<const D: usize, const N: usize>(
+    normal: &mut Normal<D>,
+    j: &[f64; N],
+    residual: f64,
+    weight: f64,
+) {
+    for a in 0..N {
+        let wa = weight * j[a];
+        normal.gradient[a] += wa * residual;
+        for b in a..N {
+            normal.h[a][b] += wa * j[b];
+        }
+    }
+}
+
+/// Adds a row that does not depend on the shape.
+#[inline]
+pub(crate) fn add_pose_row<const D: usize>(normal: &mut Normal<D>, j: &[f64; 6], residual: f64, weight: f64) {
+    add_row(normal, j, residual, weight);
+}
+
+/// `-(H + damping diag(H))^-1 gradient`; `None` when the matrix is not positive definite.
+pub(crate) fn solve_damped<const D: usize>(normal: &Normal<D>, damping: f64) -> Option<[f64; D]> {
+    let mut h = normal.h;
+    for i in 0..D {
+        h[i][i] += damping * h[i][i];
+    }
+    cholesky(&mut h)?;
+    let mut x = normal.gradient.map(|g| -g);
+    solve_cholesky(&h, &mut x);
+    x.iter().all(|x| x.is_finite()).then_some(x)
+}
+
+/// Lower Cholesky factor in place, with inverse diagonal; `None` when the matrix is not positive definite.
+pub(crate) fn cholesky<const D: usize>(h: &mut [[f64; D]; D]) -> Option<()> {
+    for j in 0..D {
+        let scale = h[j][j];
+        let mut pivot = h[j][j];
+        for k in 0..j {
+            pivot -= h[j][k] * h[j][k];
+        }
+        // Relative to the diagonal: a direction the data says nothing about.
+        if !(pivot > 1e-14 * scale) {
+            return None;
+        }
+        let inverse = 1.0 / sqrt(pivot);
+        for i in j + 1..D {
+            let mut s = h[i][j];
+            for k in 0..j {
+                s -= h[i][k] * h[j][k];
+            }
+            h[i][j] = s * inverse;
+        }
+        h[j][j] = inverse;
+    }
+    Some(())
+}
+
+/// Solves `L L^T x = b` in place with the factor of [`cholesky`].
+pub(crate) fn solve_cholesky<const D: usize>(l: &[[f64; D]; D], x: &mut [f64; D]) {
+    for i in 0..D {
+        let mut s = x[i];
+        for k in 0..i {
+            s -= l[i][k] * x[k];
+        }
+        x[i] = s * l[i][i];
+    }
+    for i in (0..D).rev() {
+        let mut s = x[i];
+        for k in i + 1..D {
+            s -= l[k][i] * x[k];
+        }
+        x[i] = s * l[i][i];
+    }
+}
