@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from groundpose.evaluate.experiments.series import MICROSECONDS, Results
 from groundpose.evaluate.experiments.settings import OUTLIERS
@@ -55,6 +56,7 @@ FIGURE_4 = (
     # not in the paper: it does not say which error of a box is meant
     (Panel("m'", *E4_SHIFT, ROTATION, True), Panel("n'", *E4_SHIFT, INLIERS)),
 )
+VARIED_IN = {curve: experiment for experiment, curve in (E1, E2, E3, E4, E4_SHIFT)}
 H3, H4, H4_SHIFT = ("HRE", E3[1]), ("HRE", E4[1]), ("HRE", E4_SHIFT[1])
 FIGURE_5 = (
     (
@@ -105,6 +107,8 @@ TODAY = {
     "OpenCV USAC ACCURATE + LM": ("#CC79A7", "--", "X"),
     "pycolmap": ("#D55E00", "-.", "o"),
 }
+LOG_STEPS = ((30.0, (1.0, 2.0, 3.0, 5.0)), (300.0, (1.0, 3.0)), (np.inf, (1.0,)))
+"""Ticks within a decade for axes that span at most so much."""
 Style = dict[str, Any]
 THIN: Style = {"linewidth": 1.1, "markersize": 3.5}
 
@@ -177,13 +181,26 @@ def _panel(
         if seen.any():
             (handles[method],) = axes.plot(x[seen], y[seen], label=method, **THIN, **style)
     if panel.log and handles:
-        axes.set_yscale("log")
-    axes.set_title(f"({panel.letter}) {panel.experiment}", fontsize=10, loc="left")
+        _log_axis(axes)
+    axes.set_title(f"({panel.letter}) {VARIED_IN[panel.curve]}", fontsize=10, loc="left")
     axes.set_xlabel(LABELS[panel.curve], fontsize=9)
     axes.set_ylabel(LABELS[panel.quantity], fontsize=9)
     axes.tick_params(labelsize=8)
     axes.grid(visible=True, which="major", linewidth=0.4, alpha=0.5)
     return handles
+
+
+def _log_axis(axes: Axes) -> None:
+    """Logarithmic where numbers differ by more than three times, with plain numbers at the ticks."""
+    values = np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.get_lines()])
+    span = values.max() / values.min()
+    if not span > 3.0:
+        return
+    axes.set_yscale("log")
+    steps = next(steps for most, steps in LOG_STEPS if span < most)
+    axes.yaxis.set_major_locator(LogLocator(subs=steps))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def write(results: Results, folder: Path, names: Sequence[str] = tuple(FIGURES)) -> list[Path]:
