@@ -3,9 +3,11 @@
 use rayon::prelude::*;
 
 use crate::camera::View;
-use crate::error::NoPose;
+use crate::error::{Got, InputError, NoPose, require};
 use crate::estimate::{Estimate, Estimator};
+use crate::frame::{FrameTilt, UpAxis, frame_tilt};
 use crate::observation::Observation;
+use crate::options::Options;
 use crate::workspace::GrowingWorkspace;
 
 /// Objects a thread takes at once: enough to hide the cost of handing them out.
@@ -52,5 +54,27 @@ impl Estimator {
                 self.estimate_indexed(view, observation, workspace, i as u64)
             })
             .collect()
+    }
+
+    /// A frame whose told tilt may be off for all objects by `frame_tilt_sigma` (radians, standard deviation): poses
+    /// without a tilt prior first, the frame's tilt from all of them, then poses in the view with that tilt.
+    ///
+    /// # Errors
+    /// A standard deviation that is not positive.
+    pub fn estimate_frame(
+        &self,
+        view: &View,
+        observations: &[Observation],
+        frame_tilt_sigma: f64,
+    ) -> Result<(FrameTilt, Vec<Result<Estimate, NoPose>>), InputError> {
+        let positive = frame_tilt_sigma.is_finite() && frame_tilt_sigma > 0.0;
+        require(positive, "frame_tilt_sigma", "a positive number of radians", Got::Number(frame_tilt_sigma))?;
+        let free = Self::new(self.options().without_tilt())?;
+        let first = free.estimate_batch(view, observations);
+        let axis = |e: &Estimate| e.covariance.map(|covariance| UpAxis::new(view, &e.pose, &covariance));
+        let axes: Vec<UpAxis> = first.iter().flatten().filter_map(axis).collect();
+        let frame = frame_tilt(view, &axes, Options::OBJECT_TILT_SIGMA, frame_tilt_sigma);
+        let estimates = self.estimate_batch(&frame.view, observations);
+        Ok((frame, estimates))
     }
 }

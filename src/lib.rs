@@ -90,6 +90,7 @@ mod consensus;
 pub mod covariance;
 pub mod error;
 pub mod estimate;
+pub mod frame;
 mod hypothesise;
 mod lanes;
 mod lm;

@@ -88,9 +88,6 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// Standard deviation of the tilt prior of the default refinement, degrees (method, sec. 4).
-const DEFAULT_TILT_SIGMA_DEG: f64 = 1.5;
-
 /// Standard deviation of the box sides in the default refinement, in inlier thresholds.
 const RELATIVE_BBOX_SIGMA: f64 = 2.0;
 
@@ -119,6 +116,17 @@ impl Default for Options {
 }
 
 impl Options {
+    /// Standard deviation, radians, of an object's up axis about the ground's normal (1.5 degrees; method, sec. 4).
+    pub const OBJECT_TILT_SIGMA: f64 = 1.5 * (core::f64::consts::PI / 180.0);
+
+    /// The same options for poses that the told tilt does not pull, with covariances: what `frame::UpAxis` needs.
+    #[must_use]
+    pub fn without_tilt(mut self) -> Self {
+        self.tilt_sigma = Some(f64::INFINITY);
+        self.covariance = true;
+        self
+    }
+
     /// The same options with another seed.
     #[must_use]
     pub fn with_seed(mut self, seed: u64) -> Self {
@@ -130,7 +138,7 @@ impl Options {
     #[must_use]
     pub fn effective_tilt_sigma(&self) -> f64 {
         self.tilt_sigma.unwrap_or(match self.refinement {
-            Refinement::Default => DEFAULT_TILT_SIGMA_DEG.to_radians(),
+            Refinement::Default => Self::OBJECT_TILT_SIGMA,
             _ => f64::INFINITY,
         })
     }

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the bottom of the house to its roof. Below `minimal` its parts, in their own order.
-const ORDER: [&str; 34] = [
+const ORDER: [&str; 35] = [
     "error",
     "math",
     "simd",
@@ -37,6 +37,7 @@ const ORDER: [&str; 34] = [
     "hypothesise",
     "covariance",
     "estimate",
+    "frame",
     "batch",
     "synthetic",
     "python",

@@ -17,6 +17,7 @@ __all__ = [
     "build_info",
     "default_options",
     "estimate_batch",
+    "frame_tilt",
     "solve_p1p",
     "solve_p1p_height",
     "solve_p3p",
@@ -107,6 +108,9 @@ def estimate_batch(
     options: Options,
     threads: int,
 ) -> dict[str, NDArray[Any]]: ...
+def frame_tilt(
+    view: View, R: _Floats, covariance: _Floats, prior_sigma: float
+) -> tuple[float, float, _Floats, float]: ...
 def solve_p1p(
     view: View,
     model: Model,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from groundpose._checks import (
     float_array,
     input_error,
     integer,
+    number,
     shape_text,
     shaped,
     type_error,
@@ -30,7 +33,18 @@ _SOLVERS = np.array(_core.SOLVERS)
 _NUMBERS = tuple(
     name
     for name in PoseBatch.__dataclass_fields__
-    if name not in ("view", "keypoints_2d", "bboxes", "models", "ok", "status", "stop_reason", "solver")
+    if name
+    not in (
+        "view",
+        "tilt_covariance",
+        "keypoints_2d",
+        "bboxes",
+        "models",
+        "ok",
+        "status",
+        "stop_reason",
+        "solver",
+    )
 )
 
 _DEFAULT_OPTIONS = Options()
@@ -45,6 +59,7 @@ def estimate_poses(
     keypoint_scores: object = None,
     options: Options = _DEFAULT_OPTIONS,
     threads: int | None = None,
+    frame_tilt_sigma: float | None = None,
 ) -> PoseBatch:
     """The pose (and shape) of every object of one image.
 
@@ -60,6 +75,9 @@ def estimate_poses(
             NaN: not seen. None: all weigh the same.
         options: see `Options`.
         threads: 1 or more; None: all cores. The result is the same bit for bit.
+        frame_tilt_sigma: radians, how far off the told tilt may be for the whole frame (standard
+            deviation). The tilt is then estimated first, from all objects together, and is that of
+            the result's `view`; twice the time. None: the told tilt is the frame's.
 
     Returns:
         N answers, in order. An object without an answer, because of its data or because it has
@@ -85,11 +103,16 @@ def estimate_poses(
     if thresholds is not None and len(thresholds) != count:
         raise input_error("options.inlier_threshold", f"{count} numbers, one per object", len(thresholds))
     handles = [each[0]._handle] if isinstance(models, ShapeModel) and count else [m._handle for m in each]
-    out = _core.estimate_batch(
-        view._handle, keypoints, scores, boxes, handles, thresholds, options._handle, _threads(threads)
-    )
+    data, workers = (keypoints, scores, boxes, handles, thresholds), _threads(threads)
+    tilt_covariance = np.full((2, 2), np.nan)
+    if frame_tilt_sigma is not None:
+        free = replace(options, tilt_sigma=math.inf, covariance=True)
+        first = _core.estimate_batch(view._handle, *data, free._handle, workers)
+        view, tilt_covariance = _frame_view(view, first, frame_tilt_sigma)
+    out = _core.estimate_batch(view._handle, *data, options._handle, workers)
     return PoseBatch(
         view=view,
+        tilt_covariance=tilt_covariance,
         keypoints_2d=keypoints,
         bboxes=boxes,
         models=each,
@@ -99,6 +122,14 @@ def estimate_poses(
         solver=_SOLVERS[out["solver"]],
         **{name: out[name] for name in _NUMBERS},
     )
+
+
+def _frame_view(view: View, first: dict[str, Any], sigma: float) -> tuple[View, FloatArray]:
+    """The view with the tilt that poses without a tilt prior agree on, and its covariance."""
+    if not 0.0 < number("frame_tilt_sigma", sigma) < math.inf:
+        raise input_error("frame_tilt_sigma", "a positive number of radians, or None", sigma)
+    pitch, roll, covariance, _ = _core.frame_tilt(view._handle, first["R"], first["covariance"], sigma)
+    return replace(view, pitch=pitch, roll=roll), covariance
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:

@@ -67,7 +67,8 @@ class PoseBatch:
     NaN for keypoints (False in the mask) and 0 for modes.
 
     Attributes:
-        view: camera and tilt the poses belong to.
+        view: camera and tilt the poses belong to: as told, or as estimated from the whole frame.
+        tilt_covariance: (2, 2) radians^2 of the estimated pitch and roll; NaN when the tilt is as told.
         keypoints_2d: (N, P, 2) pixels as given, NaN = not seen.
         bboxes: (N, 4) `left, top, right, bottom` pixels as given, NaN = not known.
         models: N shape models.
@@ -95,6 +96,7 @@ class PoseBatch:
     """
 
     view: View
+    tilt_covariance: FloatArray
     keypoints_2d: FloatArray
     bboxes: FloatArray
     models: tuple[ShapeModel, ...]
