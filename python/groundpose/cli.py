@@ -1,4 +1,4 @@
-"""The command line: `groundpose estimate | demo | bench | experiment`."""
+"""The command line: `groundpose estimate | demo | simulate | experiment | train | bench ...`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import groundpose
 from groundpose.cli_estimate import estimate
 from groundpose.cli_experiment import experiment
 from groundpose.cli_output import console, mistakes
+from groundpose.cli_simulate import simulate
+from groundpose.cli_train import crops, export, train
 
 app = typer.Typer(
     name="groundpose",
@@ -21,7 +23,10 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command(rich_help_panel="Commands")(estimate)
+app.command()(simulate)
 app.command()(experiment)
+for command in (crops, train, export):
+    app.command()(command)
 
 
 def _version(wanted: bool) -> None:

@@ -2,10 +2,9 @@
 
 import math
 
+import groundpose as gp
 import numpy as np
 import pytest
-
-import groundpose as gp
 
 CAMERA = gp.Camera(1000.0, 1000.0, 960.0, 540.0, image_size=(1920, 1080))
 TOLD = gp.View(CAMERA)

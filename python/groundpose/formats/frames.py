@@ -15,7 +15,8 @@ A frame is one object, in a file of its own or on one line of a JSON-lines file:
                          "bbox_3d": [[x, y, z], [x, y, z]],   # the rest is optional
                          "basis": [[[x, y, z], ...], ...], "eigenvalues": [...],
                          "footprint": [[x, z], ...]},
-                 "van": "van.npz"},          # or a file of ShapeModel.save
+                 "van": "van.npz",           # or a file of ShapeModel.save
+                 "pickup": "bundled:pickup"},    # or a class of groundpose.vehicles
       "objects": [{"id": 7,                  # optional, default: its number from 0
                    "model": "car",           # optional when there is one model
                    "keypoints_2d": [[u, v], null, ...],       # null = not seen
@@ -47,6 +48,9 @@ from groundpose.formats.fields import Field, parse
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import Camera, Options, View
+
+BUNDLED = "bundled:"
+"""Before the name of a class whose shape model comes with the package."""
 
 _CAMERA = ("fx", "fy", "cx", "cy", "distortion", "image_size")
 _MODEL = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues", "footprint")
@@ -209,6 +213,13 @@ def _camera(field: Field) -> Camera:
 
 def _model(field: Field, folder: Path) -> ShapeModel:
     if isinstance(field.value, str):
+        if field.value.startswith(BUNDLED):
+            from groundpose.vehicles import (
+                shape_model,
+            )  # its code is large, and most frames bring their models
+
+            with field.blamed():
+                return shape_model(field.value.removeprefix(BUNDLED))
         try:
             return ShapeModel.load(folder / field.value)
         except OSError as error:

@@ -1,0 +1,72 @@
+"""What the network says of crops, and how far each keypoint can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._checks import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """The network's answer for N crops; K = 53 keypoints, C = 4 classes.
+
+    Attributes:
+        keypoints: (N, K, 2) crop pixels; those of other classes are meaningless.
+        spread: (N, K) crop pixels, standard deviation of the heat map read as a distribution.
+        peak: (N, K) its largest cell, 0 to 1.
+        kind_probabilities: (N, C), sum 1.
+    """
+
+    keypoints: FloatArray
+    spread: FloatArray
+    peak: FloatArray
+    kind_probabilities: FloatArray
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """From spread and peak of a heat map to a score: the chance that the keypoint is within 0.0375 of the
+    box's longer side, `1 / (1 + exp(-(bias + spread * log(spread / side) + peak * log(peak))))`."""
+
+    bias: float = -6.0
+    spread: float = -2.0
+    peak: float = 0.0
+
+    def scores(self, detections: Detections, sides: FloatArray) -> FloatArray:
+        """Scores (N, K), 0 to 1, for boxes whose longer sides (N,) are given in crop pixels."""
+        logit = _features(detections, sides) @ np.array([self.bias, self.spread, self.peak])
+        return np.asarray(0.5 * (1.0 + np.tanh(0.5 * logit)))
+
+    @classmethod
+    def fit(
+        cls, detections: Detections, sides: FloatArray, good: NDArray[np.bool_], own: NDArray[np.bool_]
+    ) -> Calibration:
+        """Logistic regression of `good` (N, K) on the keypoints `own` (N, K), by Newton's method."""
+        x, y = _features(detections, sides)[own], good[own].astype(np.float64)
+        theta, ridge = np.zeros(x.shape[1]), 1e-3 * np.eye(x.shape[1])
+        for _ in range(50):
+            p = 0.5 * (1.0 + np.tanh(0.5 * (x @ theta)))
+            hessian = (x * (p * (1.0 - p))[:, None]).T @ x + ridge
+            step = np.linalg.solve(hessian, x.T @ (y - p) - ridge @ theta)
+            theta = theta + step * min(1.0, 2.0 / np.abs(step).max(initial=1e-12))
+            if np.abs(step).max() < 1e-9:
+                break
+        return cls(*theta.tolist())
+
+    @classmethod
+    def of(cls, numbers: Sequence[float]) -> Calibration:
+        """From `bias, spread, peak`."""
+        bias, spread, peak = numbers
+        return cls(float(bias), float(spread), float(peak))
+
+
+def _features(detections: Detections, sides: FloatArray) -> FloatArray:
+    """(N, K, 3): 1, log of the spread as a share of the box, log of the peak."""
+    spread = np.log(np.maximum(detections.spread / sides[:, None], 1e-6))
+    peak = np.log(np.maximum(detections.peak, 1e-9))
+    return np.stack([np.ones_like(spread), spread, peak], axis=-1)

@@ -1,0 +1,88 @@
+"""A keypoint network in an ONNX file, run by onnxruntime."""
+
+from __future__ import annotations
+
+import json
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from groundpose._checks import input_error, integer, type_error
+from groundpose.keypoints.codec import ByteArray, Codec
+from groundpose.keypoints.decode import Calibration, Detections
+from groundpose.vehicles.keypoints import KEYPOINTS, KINDS
+
+FORMAT = "groundpose_keypoints"
+"""Metadata key of our files; its value is `FORMAT_VERSION`."""
+FORMAT_VERSION = "1"
+OUTPUTS = ("keypoints", "spread", "peak", "kind_probabilities")
+BUNDLED = Path(__file__).parent / "models" / "default.onnx"
+
+
+class Network:
+    """A trained network: crops in, keypoints with spread and class probabilities out.
+
+    Attributes:
+        path: the file. codec: its crops' size and margin. calibration: of its scores.
+        metadata: all that the file says of itself, str to str (how it was trained, on what, how good).
+    """
+
+    def __init__(self, path: str | PathLike[str] | None = None, threads: int | None = None) -> None:
+        """Load `path` (None: the bundled network) for `threads` threads (None: all cores).
+
+        Raises:
+            OSError: no such file; the bundled one is not part of this installation.
+            InputError: not a network of ours, or one with other keypoints.
+        """
+        if path is not None and not isinstance(path, (str, PathLike)):
+            raise type_error("path", "a path", path)
+        self.path = BUNDLED if path is None else Path(fspath(path))
+        if path is None and not self.path.exists():
+            raise FileNotFoundError(2, "the bundled network is not part of this installation", str(self.path))
+        self._session = _session(self.path, threads)
+        self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
+        if self.metadata.get(FORMAT) != FORMAT_VERSION:
+            raise input_error(
+                str(self.path), f"a keypoint network of version {FORMAT_VERSION}", "another ONNX file"
+            )
+        for name, wanted in (("keypoints", [k.name for k in KEYPOINTS]), ("kinds", list(KINDS))):
+            if json.loads(self.metadata[name]) != wanted:
+                raise input_error(str(self.path), f"the {name} of this version", "others")
+        size = (int(self.metadata["width"]), int(self.metadata["height"]))
+        self.codec = Codec(*size, float(self.metadata["margin"]))
+        self.calibration = Calibration.of(json.loads(self.metadata["score_calibration"]))
+
+    def __repr__(self) -> str:
+        """File and size of a crop."""
+        return f"Network({self.path.name!r}, {self.codec.width} x {self.codec.height})"
+
+    def detect(self, crops: ByteArray) -> Detections:
+        """The answer for crops (N, height, width, 3) uint8, RGB. Raises InputError for another shape."""
+        wanted = (self.codec.height, self.codec.width, 3)
+        if crops.dtype != np.uint8 or crops.ndim != 4 or crops.shape[1:] != wanted:
+            raise input_error(
+                "crops", f"uint8 of shape (N, {wanted[0]}, {wanted[1]}, 3)", f"{crops.dtype} {crops.shape}"
+            )
+        if len(crops) == 0:
+            shapes = ((0, len(KEYPOINTS), 2), (0, len(KEYPOINTS)), (0, len(KEYPOINTS)), (0, len(KINDS)))
+            return Detections(*(np.zeros(shape) for shape in shapes))
+        outputs = self._session.run(list(OUTPUTS), {"crops": crops})
+        return Detections(*(np.asarray(output, dtype=np.float64) for output in outputs))
+
+
+def _session(path: Path, threads: int | None) -> Any:
+    import onnxruntime
+
+    path.open("rb").close()  # OSError in Python's own words
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 3
+    if threads is not None:
+        if integer("threads", threads) < 1:
+            raise input_error("threads", "1 or more, or None for all cores", threads)
+        options.intra_op_num_threads = threads
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime has its own class for each of a dozen kinds of damage
+        raise input_error(str(path), "an ONNX network", str(error).splitlines()[0][:120]) from None

@@ -1,0 +1,178 @@
+"""The whole way: an image, boxes and a view in, poses and shapes out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from os import PathLike
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._checks import FloatArray, input_error, integer, shaped, type_error
+from groundpose.estimate import estimate_poses
+from groundpose.keypoints.codec import ByteArray, usable
+from groundpose.keypoints.decode import Detections
+from groundpose.keypoints.image import as_rgb
+from groundpose.keypoints.network import Network
+from groundpose.poses import PoseBatch
+from groundpose.shape import ShapeModel
+from groundpose.types import Options, View
+from groundpose.vehicles.keypoints import KINDS, keypoint_indices
+from groundpose.vehicles.shape_models import shape_model
+
+_ROWS = {kind: keypoint_indices(kind) for kind in KINDS}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class VehiclePoses(PoseBatch):
+    """A `PoseBatch` of detected vehicles, and what the network said of them.
+
+    Attributes:
+        kinds: (N,) str, the likeliest class; its model is `models[i]`. "" for an unusable box.
+        kind_probabilities: (N, 4) in the order of `groundpose.vehicles.KINDS`; NaN for an unusable box.
+        keypoint_scores: (N, P) probability of each keypoint to be right, NaN beyond an object's own.
+    """
+
+    kinds: NDArray[np.str_]
+    kind_probabilities: FloatArray
+    keypoint_scores: FloatArray
+
+    def __repr__(self) -> str:
+        """How many of what have an answer."""
+        named, counts = np.unique(self.kinds[self.ok], return_counts=True)
+        what = ", ".join(f"{count} {kind}" for kind, count in zip(named, counts, strict=True))
+        return f"VehiclePoses({int(self.ok.sum())} of {len(self)} ok{': ' * bool(what)}{what})"
+
+    @property
+    def kind_probability(self) -> FloatArray:
+        """(N,) probability of the class chosen."""
+        return np.asarray(self.kind_probabilities.max(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Keypoints of N boxes in image pixels; a row is as long as its class has keypoints."""
+
+    keypoints: list[FloatArray]
+    scores: list[FloatArray]
+    kinds: list[str]
+    kind_probabilities: FloatArray
+
+
+class Pipeline:
+    """From images to poses.
+
+    >>> pipeline = Pipeline("model.onnx", threads=1)      # doctest: +SKIP
+    >>> poses = pipeline(image, bboxes, view)             # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        network: Network | str | PathLike[str] | None = None,
+        *,
+        models: Mapping[str, ShapeModel] | None = None,
+        options: Options | None = None,
+        threads: int | None = None,
+        batch_size: int = 16,
+    ) -> None:
+        """Load everything once.
+
+        Args:
+            network: a `Network`, the path of one, or None for the bundled one.
+            models: a shape model for each class, with that class's keypoints; None: those that ship. Classes
+                left out keep theirs.
+            options: of the solver.
+            threads: of network and solver, 1 or more; None: all cores. A `Network` given keeps its own.
+            batch_size: most crops that the network sees at a time.
+
+        Raises:
+            OSError: no such file. InputError: a file that is not ours, an unknown class, a model with
+                another number of keypoints. TypeError: an argument of another type.
+        """
+        self.network = network if isinstance(network, Network) else Network(network, threads)
+        self.options = Options() if options is None else options
+        if not isinstance(self.options, Options):
+            raise type_error("options", "Options", options)
+        self.threads = threads
+        if integer("batch_size", batch_size) < 1:
+            raise input_error("batch_size", "1 or more", batch_size)
+        self.batch_size = batch_size
+        self.models = {kind: shape_model(kind) for kind in KINDS} | dict(models or {})
+        for kind, model in self.models.items():
+            if kind not in KINDS:
+                raise input_error("models", f"classes of {', '.join(KINDS)}", repr(kind))
+            if len(model.keypoints_3d) != len(_ROWS[kind]):
+                raise input_error(
+                    f"models[{kind!r}]", f"{len(_ROWS[kind])} keypoints", len(model.keypoints_3d)
+                )
+
+    def __call__(self, image: object, bboxes: object, view: View) -> VehiclePoses:
+        """Poses of the vehicles in boxes of an image.
+
+        Args:
+            image: RGB; see `groundpose.keypoints.image.as_rgb` for what is taken.
+            bboxes: (N, 4) left, top, right, bottom pixels, around whole vehicles as far as they are in the
+                image; N may be 0. A box without area, outside the image or not finite gives an object without
+                an answer, and nothing of the others is lost.
+            view: camera and tilt.
+
+        Raises:
+            InputError: an image or boxes that cannot be, an image of another size than the camera's.
+            OSError: no such file. TypeError: an argument of another type.
+        """
+        if not isinstance(view, View):
+            raise type_error("view", "a View", view)
+        pixels = as_rgb(image)
+        size = (pixels.shape[1], pixels.shape[0])
+        if view.camera.image_size not in (None, size):
+            raise input_error("image", f"the camera's size {view.camera.image_size}", f"{size}")
+        boxes = _boxes(bboxes)
+        found = self.detect(pixels, boxes)
+        models = [self.models[kind or KINDS[0]] for kind in found.kinds]
+        poses = estimate_poses(view, found.keypoints, boxes, models, found.scores, self.options, self.threads)
+        given = {f.name: getattr(poses, f.name) for f in fields(PoseBatch)}
+        scores = np.full(poses.keypoints_2d.shape[:2], np.nan)
+        for row, own in zip(scores, found.scores, strict=True):
+            row[: len(own)] = own
+        kinds = np.array(found.kinds, dtype=np.str_)
+        return VehiclePoses(
+            **given, kinds=kinds, kind_probabilities=found.kind_probabilities, keypoint_scores=scores
+        )
+
+    def detect(self, image: ByteArray, bboxes: FloatArray) -> Found:
+        """Keypoints of boxes (N, 4) of an image (H, W, 3) uint8, without poses."""
+        good = np.flatnonzero(usable(bboxes, image.shape[1], image.shape[0]))
+        codec = self.network.codec
+        windows, count = codec.windows(bboxes[good]), len(bboxes)
+        detections = self._run(codec.crops(image, bboxes[good]))
+        points = codec.image_from_crop(detections.keypoints, windows)
+        pixel = (windows[:, 2] - windows[:, 0]) / codec.width
+        sides = (bboxes[good, 2:] - bboxes[good, :2]).max(axis=1, initial=0.0) / pixel
+        scores = self.network.calibration.scores(detections, sides)
+        nothing = len(_ROWS[KINDS[0]])
+        keypoints = [np.full((nothing, 2), np.nan) for _ in range(count)]
+        each = [np.zeros(nothing) for _ in range(count)]
+        kinds, probabilities = [""] * count, np.full((count, len(KINDS)), np.nan)
+        probabilities[good] = detections.kind_probabilities
+        for i, row in enumerate(good.tolist()):
+            kinds[row] = KINDS[int(detections.kind_probabilities[i].argmax())]
+            own = _ROWS[kinds[row]]
+            keypoints[row], each[row] = points[i, own], scores[i, own]
+        return Found(keypoints, each, kinds, probabilities)
+
+    def _run(self, crops: ByteArray) -> Detections:
+        """In batches of similar size."""
+        parts = np.array_split(crops, max(1, -(-len(crops) // self.batch_size)))
+        answers = [self.network.detect(part) for part in parts]
+        if len(answers) == 1:
+            return answers[0]
+        names = Detections.__dataclass_fields__
+        return Detections(*(np.concatenate([getattr(answer, name) for answer in answers]) for name in names))
+
+
+def _boxes(value: object) -> FloatArray:
+    if isinstance(value, (list, tuple)) and not value:
+        return np.empty((0, 4))
+    boxes = shaped("bboxes", value, ("N", 4), (0,))
+    return boxes if boxes.ndim == 2 else np.empty((0, 4))

@@ -1,0 +1,1 @@
+"""Training of the keypoint network (extra `[train]`): networks, data, loop, evaluation, export."""

@@ -1,0 +1,72 @@
+"""Losses and metrics of a run: a CSV file, and TensorBoard where it is installed."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+METRICS = "metrics.csv"
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What is known after a step.
+
+    Args:
+        step, steps: done, and in all.
+        losses: by name.
+        crops_per_second: of this step, data included.
+        metrics: of the validation crops, empty when they were not evaluated at this step.
+    """
+
+    step: int
+    steps: int
+    losses: dict[str, float]
+    crops_per_second: float
+    metrics: dict[str, float]
+
+
+class MetricsLog:
+    """Rows `step, name, value`: losses a thousand times in a run, metrics always."""
+
+    def __init__(self, folder: Path, step: int) -> None:
+        """Go on after `step`: rows beyond it, of steps that are taken again, are cut off."""
+        path = folder / METRICS
+        kept = [["step", "name", "value"]]
+        if path.exists():
+            with path.open(newline="") as file:
+                kept += [row for row in list(csv.reader(file))[1:] if row and int(row[0]) <= step]
+        self._file = path.open("w", newline="")
+        self._rows = csv.writer(self._file)
+        self._rows.writerows(kept)
+        self._board: Any = None
+        with contextlib.suppress(ImportError):
+            from torch.utils.tensorboard import SummaryWriter
+
+            self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=step)
+
+    def __enter__(self) -> MetricsLog:
+        """Close with `with`."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the files."""
+        self._file.close()
+        if self._board is not None:
+            self._board.close()
+
+    def write(self, now: Progress) -> None:
+        """The rows of a step."""
+        values = dict(now.metrics)
+        if now.step % max(1, now.steps // 1000) == 0:
+            values |= {f"loss_{name}": value for name, value in now.losses.items()}
+            values["crops_per_second"] = now.crops_per_second
+        for name, value in values.items():
+            self._rows.writerow([now.step, name, f"{value:.6g}"])
+            if self._board is not None:
+                self._board.add_scalar(name, value, now.step)
+        if now.metrics:
+            self._file.flush()

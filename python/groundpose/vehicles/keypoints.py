@@ -1,0 +1,103 @@
+"""The 53 keypoints of the four vehicle classes: one table, in the order of the network's channels.
+
+Counts as in the paper (appendix C): car 28, van_bus 26, pickup 26, box_truck 30. The paper names no
+definitions; ours are places that a picture shows from more than one side: corners of glass, lamps,
+wheels, mirrors, bumper corners, edges of a cargo bed or box. Left and right are the driver's; the object
+frame has x to the right, y down, z forward.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._checks import input_error
+
+KINDS: tuple[str, ...] = ("car", "van_bus", "pickup", "box_truck")
+"""The classes of vehicles."""
+
+_ALL = KINDS
+_PAIRS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("front_wheel", "centre of the front wheel's outer face", _ALL),
+    ("rear_wheel", "centre of the (first) rear wheel's outer face", _ALL),
+    ("headlamp", "outer end of the headlamp's lens, half its height", _ALL),
+    ("taillamp", "outer end of the tail lamp's lens, half its height", _ALL),
+    ("mirror", "outermost point of the side mirror's housing", _ALL),
+    ("windscreen_top", "upper outer corner of the windscreen's glass", _ALL),
+    ("windscreen_bottom", "lower outer corner of the windscreen's glass", _ALL),
+    ("front_bumper", "lower corner of the front bumper, where front and side meet", _ALL),
+    ("rear_bumper", "lower corner of the rear bumper, where rear and side meet", ("car", "van_bus")),
+    ("rear_window_bottom", "lower outer corner of the rear window's glass", ("car", "van_bus")),
+    ("rear_window_top", "upper outer corner of the rear window's glass", ("car",)),
+    ("belt_b", "lower rear corner of the front side window: belt line at the B pillar", ("car",)),
+    ("belt_c", "lower rear corner of the last side window: belt line at the last pillar", ("car",)),
+    ("roof_rear", "rear upper corner of the body, where roof, side and rear meet", ("van_bus",)),
+    ("side_window_top", "upper rear corner of the first side window, the driver's", ("van_bus",)),
+    ("cab_roof_rear", "rear corner of the cab's roof, where roof, side and rear meet", ("pickup",)),
+    ("bed_front", "front upper corner of the cargo bed's side wall, outer edge", ("pickup",)),
+    ("bed_rear_top", "rear upper corner of the cargo bed, outer edge", ("pickup",)),
+    ("bed_rear_bottom", "rear lower corner of the cargo bed's side, below the tail lamp", ("pickup",)),
+    ("cab_window", "lower rear corner of the cab's side window", ("box_truck",)),
+    ("box_front_top", "front upper corner of the box", ("box_truck",)),
+    ("box_front_bottom", "front lower corner of the box", ("box_truck",)),
+    ("box_rear_top", "rear upper corner of the box", ("box_truck",)),
+    ("box_rear_bottom", "rear lower corner of the box", ("box_truck",)),
+    ("guard_rear", "lower outer end of the bar under the rear of the chassis", ("box_truck",)),
+)
+_MIDDLE: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("front_plate", "centre of the front number plate", _ALL),
+    ("rear_plate", "centre of the rear number plate", ("car", "van_bus", "box_truck")),
+    ("tailgate", "middle of the tailgate's upper edge", ("pickup",)),
+)
+
+
+@dataclass(frozen=True)
+class Keypoint:
+    """One row of the table.
+
+    Args:
+        name: unique; those off the middle plane start with "left_" or "right_".
+        where: what it is on the vehicle.
+        partner: name of its mirror image; None on the middle plane.
+        kinds: the classes that have it.
+    """
+
+    name: str
+    where: str
+    partner: str | None
+    kinds: tuple[str, ...]
+
+
+def _pair(name: str, where: str, kinds: tuple[str, ...]) -> tuple[Keypoint, Keypoint]:
+    left, right = f"left_{name}", f"right_{name}"
+    return Keypoint(left, where, right, kinds), Keypoint(right, where, left, kinds)
+
+
+KEYPOINTS: tuple[Keypoint, ...] = tuple(side for row in _PAIRS for side in _pair(*row)) + tuple(
+    Keypoint(name, where, None, kinds) for name, where, kinds in _MIDDLE
+)
+"""All 53; the order is that of the network's channels and never changes."""
+
+
+def keypoint_indices(kind: str) -> NDArray[np.intp]:
+    """Rows (P,) of `KEYPOINTS` that class `kind` has, in order.
+
+    Raises:
+        InputError: an unknown class.
+    """
+    if kind not in KINDS:
+        raise input_error("kind", f"one of {', '.join(KINDS)}", repr(kind))
+    return np.array([i for i, keypoint in enumerate(KEYPOINTS) if kind in keypoint.kinds], dtype=np.intp)
+
+
+def keypoint_names(kind: str) -> tuple[str, ...]:
+    """Names of the P keypoints of class `kind`, in order. Raises InputError for an unknown class."""
+    return tuple(KEYPOINTS[i].name for i in keypoint_indices(kind))
+
+
+def flip_indices() -> NDArray[np.intp]:
+    """Permutation (53,): keypoint `i` of a mirrored image is keypoint `flip_indices()[i]` of the original."""
+    row = {keypoint.name: i for i, keypoint in enumerate(KEYPOINTS)}
+    return np.array([row[keypoint.partner or keypoint.name] for keypoint in KEYPOINTS], dtype=np.intp)

@@ -1,0 +1,229 @@
+"""Networks in files and the pipeline, on a network that is made here without training."""
+
+import json
+from pathlib import Path
+
+import groundpose as gp
+import numpy as np
+import pytest
+from groundpose.keypoints import network as network_module
+from groundpose.keypoints.decode import Calibration, Detections
+from groundpose.keypoints.image import as_rgb
+from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS, Network
+from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, keypoint_indices
+from PIL import Image
+
+onnx = pytest.importorskip("onnx", reason="onnx is not installed (extra [train])")
+
+K, WIDTH, HEIGHT = len(KEYPOINTS), 128, 96
+IMAGE = np.random.default_rng(0).integers(0, 256, (150, 200, 3), dtype=np.uint8)
+VIEW = gp.View(gp.Camera(200.0, 200.0, 99.5, 74.5, image_size=(200, 150)))
+# where the stand-in sees each keypoint, crop pixels
+PLACES = np.random.default_rng(1).uniform((20, 20), (108, 76), (K, 2)).astype(np.float32)
+
+
+def write(path: Path, kind: int = 0, **changes: str) -> Path:
+    """A network that answers the same for every crop: keypoints at PLACES, one class."""
+    helper, of = onnx.helper, onnx.numpy_helper.from_array
+    logits = np.full(len(KINDS), 0.1, np.float32)
+    logits[kind] = 0.7
+    answers = dict(
+        zip(OUTPUTS, (PLACES, np.full(K, 2.0, np.float32), np.full(K, 0.1, np.float32), logits), strict=True)
+    )
+    weights, nodes, outputs = [], [], []
+    nodes.append(helper.make_node("Shape", ["crops"], ["n"], end=1))
+    for name, value in answers.items():
+        weights += [of(value[None], name + "_one"), of(np.ones(value.ndim, np.int64), name + "_rest")]
+        nodes.append(helper.make_node("Concat", ["n", name + "_rest"], [name + "_shape"], axis=0))
+        nodes.append(helper.make_node("Expand", [name + "_one", name + "_shape"], [name]))
+        outputs.append(helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["N", *value.shape]))
+    crops = helper.make_tensor_value_info("crops", onnx.TensorProto.UINT8, ["N", HEIGHT, WIDTH, 3])
+    graph = helper.make_graph(nodes, "stand-in", [crops], outputs, weights)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    said = {
+        FORMAT: FORMAT_VERSION,
+        "width": str(WIDTH),
+        "height": str(HEIGHT),
+        "margin": "0.1",
+        "keypoints": json.dumps([k.name for k in KEYPOINTS]),
+        "kinds": json.dumps(KINDS),
+        "score_calibration": "[-6.0, -2.0, 0.0]",
+    }
+    onnx.helper.set_model_props(model, said | changes)
+    onnx.save(model, str(path))
+    return path
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("networks") / "stand_in.onnx")
+
+
+@pytest.fixture(scope="module")
+def pipeline(path):
+    return Pipeline(path, threads=1)
+
+
+def test_network_answers(path):
+    network = Network(path, threads=1)
+    assert (network.codec.width, network.codec.height) == (WIDTH, HEIGHT)
+    assert repr(network) == "Network('stand_in.onnx', 128 x 96)"
+    for n in (0, 1, 3):
+        found = network.detect(np.zeros((n, HEIGHT, WIDTH, 3), np.uint8))
+        assert found.keypoints.shape == (n, K, 2)
+        assert found.spread.shape == found.peak.shape == (n, K)
+        assert found.kind_probabilities.shape == (n, len(KINDS))
+    np.testing.assert_array_equal(found.keypoints[2], PLACES)
+
+
+@pytest.mark.parametrize(
+    "crops",
+    [np.zeros((1, 96, 128, 3)), np.zeros((96, 128, 3), np.uint8), np.zeros((1, 128, 96, 3), np.uint8)],
+)
+def test_crops_of_another_kind(path, crops):
+    with pytest.raises(gp.InputError, match=r"crops: expected uint8 of shape \(N, 96, 128, 3\)"):
+        Network(path, threads=1).detect(crops)
+
+
+def test_files_that_are_not_ours(path, tmp_path, monkeypatch):
+    with pytest.raises(FileNotFoundError):
+        Network(tmp_path / "none.onnx")
+    junk = tmp_path / "junk.onnx"
+    junk.write_bytes(b"no network" * 10)
+    with pytest.raises(gp.InputError, match=r"junk\.onnx: expected an ONNX network"):
+        Network(junk)
+    with pytest.raises(
+        gp.InputError, match=r"expected a keypoint network of version 1, got another ONNX file"
+    ):
+        Network(write(tmp_path / "other.onnx", **{FORMAT: "99"}))
+    with pytest.raises(gp.InputError, match="expected the keypoints of this version"):
+        Network(write(tmp_path / "names.onnx", keypoints='["nose"]'))
+    with pytest.raises(gp.InputError, match="threads: expected 1 or more"):
+        Network(path, threads=0)
+    with pytest.raises(TypeError, match="path: expected a path"):
+        Network(3)  # type: ignore[arg-type]
+    monkeypatch.setattr(network_module, "BUNDLED", tmp_path / "default.onnx")
+    with pytest.raises(FileNotFoundError, match="bundled network is not part of this installation"):
+        Network()
+
+
+@pytest.mark.parametrize("kind", range(len(KINDS)))
+def test_keypoints_of_the_class_in_image_pixels(tmp_path, kind):
+    pipeline = Pipeline(write(tmp_path / "n.onnx", kind), threads=1)
+    box = np.array([50.0, 40.0, 130.0, 90.0])
+    poses = pipeline(IMAGE, [box], VIEW)
+    codec = pipeline.network.codec
+    rows = keypoint_indices(KINDS[kind])
+    wanted = codec.image_from_crop(PLACES[None].astype(float), codec.windows(box[None]))[0, rows]
+    np.testing.assert_allclose(poses.keypoints_2d[0], wanted)
+    assert poses.kinds.tolist() == [KINDS[kind]]
+    assert poses.models[0] is pipeline.models[KINDS[kind]]
+    assert poses.kind_probability[0] == pytest.approx(0.7)
+    side = 80.0 / ((codec.windows(box[None])[0, [2]] - codec.windows(box[None])[0, [0]]) / WIDTH)
+    np.testing.assert_allclose(poses.keypoint_scores[0], 1 / (1 + np.exp(6 + 2 * np.log(2.0 / side[0]))))
+
+
+def test_bad_boxes_lose_nothing_of_the_others(pipeline):
+    good = [50.0, 40.0, 130.0, 90.0]
+    alone = pipeline(IMAGE, [good], VIEW)
+    many = pipeline(
+        IMAGE, [[0, 0, 0, 0], good, [500, 0, 600, 40], [np.nan] * 4, [90, 80, 60, 40], good], VIEW
+    )
+    assert isinstance(many, VehiclePoses)
+    assert isinstance(many, gp.PoseBatch)
+    assert many.kinds.tolist() == ["", "car", "", "", "", "car"]
+    for i in (0, 2, 3, 4):
+        assert not many.ok[i]
+        assert many.status[i] != "ok"
+        assert np.isnan(many.kind_probability[i])
+    for i in (1, 5):
+        np.testing.assert_array_equal(many.keypoints_2d[i], alone.keypoints_2d[0])
+        np.testing.assert_array_equal(many.keypoint_scores[i], alone.keypoint_scores[0])
+    assert repr(pipeline(IMAGE, [], VIEW)) == "VehiclePoses(0 of 0 ok)"
+    assert len(pipeline(IMAGE, np.empty((0, 4)), VIEW)) == 0
+    assert len(many[1].keypoints_2d) == 28
+    assert "Car" in many.to_kitti() or "car" in many.to_kitti()
+
+
+def test_batches_do_not_matter(path):
+    boxes = np.random.default_rng(2).uniform(0, 100, (11, 2)) + np.array([[0.0, 0.0]])
+    boxes = np.concatenate([boxes, boxes + 50], axis=1)
+    one, all_ = (Pipeline(path, threads=1, batch_size=n)(IMAGE, boxes, VIEW) for n in (1, 64))
+    np.testing.assert_array_equal(one.keypoints_2d, all_.keypoints_2d)
+
+
+def test_images(pipeline, tmp_path):
+    Image.fromarray(IMAGE).save(tmp_path / "rgb.png")
+    for same in (
+        IMAGE,
+        IMAGE[..., ::-1][..., ::-1],
+        Image.fromarray(IMAGE),
+        tmp_path / "rgb.png",
+        str(tmp_path / "rgb.png"),
+    ):
+        np.testing.assert_array_equal(as_rgb(same), IMAGE)
+    grey = IMAGE[..., 0]
+    for same in (grey, grey[..., None], Image.fromarray(grey)):
+        np.testing.assert_array_equal(as_rgb(same), np.stack([grey] * 3, axis=2))
+    np.testing.assert_array_equal(as_rgb(Image.fromarray(IMAGE).convert("RGBA")), IMAGE)
+    assert len(pipeline(tmp_path / "rgb.png", [[50, 40, 130, 90]], VIEW)) == 1
+
+
+def test_images_that_are_refused(pipeline, tmp_path):
+    deep = Image.fromarray(IMAGE[..., 0].astype(np.uint16) * 256)
+    deep.save(tmp_path / "deep.png")
+    (tmp_path / "text.png").write_text("no picture")
+    whole = tmp_path / "whole.png"
+    Image.fromarray(IMAGE).save(whole)
+    (tmp_path / "cut.png").write_bytes(whole.read_bytes()[:2000])
+    refused = [
+        (IMAGE.astype(np.uint16), "image: expected uint8, got .*uint16.*scale it"),
+        (IMAGE / 255.0, "image: expected uint8, got .*float64.*scale it"),
+        (
+            np.zeros((10, 10, 4), np.uint8),
+            r"image: expected shape \(H, W, 3\) or \(H, W\), got shape \(10, 10, 4\)",
+        ),
+        (np.zeros((3, 10, 10), np.uint8), r"image: expected shape"),
+        (np.zeros((0, 10, 3), np.uint8), "image: expected at least one pixel"),
+        (deep, "image: expected 8 bits a channel, got mode I;16"),
+        (tmp_path / "deep.png", r"deep\.png: expected 8 bits a channel"),
+        (tmp_path / "text.png", r"text\.png: expected a picture"),
+        (tmp_path / "cut.png", r"cut\.png: expected a whole picture"),
+        (IMAGE[:100], r"image: expected the camera's size \(200, 150\), got \(200, 100\)"),
+    ]
+    for image, text in refused:
+        with pytest.raises(gp.InputError, match=text):
+            pipeline(image, [[50, 40, 130, 90]], VIEW)
+    with pytest.raises(FileNotFoundError):
+        pipeline(tmp_path / "none.png", [], VIEW)
+    with pytest.raises(TypeError, match="image: expected an"):
+        pipeline(None, [], VIEW)
+
+
+def test_arguments_that_are_refused(path, pipeline):
+    with pytest.raises(TypeError, match="view: expected a View"):
+        pipeline(IMAGE, [], VIEW.camera)
+    with pytest.raises(gp.InputError, match=r"bboxes: expected shape \(N, 4\)"):
+        pipeline(IMAGE, [[1, 2, 3]], VIEW)
+    with pytest.raises(gp.InputError, match="models: expected classes of car"):
+        Pipeline(path, models={"boat": gp.ShapeModel(np.eye(3))})
+    with pytest.raises(gp.InputError, match=r"models\['car'\]: expected 28 keypoints, got 3"):
+        Pipeline(path, models={"car": gp.ShapeModel(np.eye(3))})
+    with pytest.raises(gp.InputError, match="batch_size: expected 1 or more"):
+        Pipeline(path, batch_size=0)
+    with pytest.raises(TypeError, match="options: expected Options"):
+        Pipeline(path, options={})  # type: ignore[arg-type]
+
+
+def test_calibration_recovers_the_chances():
+    rng = np.random.default_rng(0)
+    spread = np.exp(rng.normal(-2.5, 0.8, (400, K)))
+    found = Detections(np.zeros((400, K, 2)), spread, rng.uniform(0.01, 1.0, (400, K)), np.zeros((400, 4)))
+    true = Calibration(-6.0, -2.5, 0.5)
+    chance = true.scores(found, np.ones(400))
+    fitted = Calibration.fit(found, np.ones(400), rng.random((400, K)) < chance, np.ones((400, K), bool))
+    np.testing.assert_allclose([fitted.bias, fitted.spread, fitted.peak], [-6.0, -2.5, 0.5], atol=0.3)
+    assert np.all((chance >= 0.0) & (chance <= 1.0))
+    constant = Calibration.fit(found, np.ones(400), np.ones((400, K), bool), np.ones((400, K), bool))
+    assert np.isfinite([constant.bias, constant.spread, constant.peak]).all()

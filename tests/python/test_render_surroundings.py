@@ -1,0 +1,109 @@
+"""Skies, lights and things beside the road; no OpenGL needed."""
+
+import groundpose as gp
+import numpy as np
+import pytest
+from groundpose.simulation import props
+from groundpose.simulation.assets import SPLITS, environments, skies
+from groundpose.simulation.render import textures
+from groundpose.simulation.render.lighting import KINDS, illumination
+from groundpose.simulation.render.look import PAINTS, SURFACES, look, surface_tables
+from groundpose.simulation.render.meshes import BODY_LEVELS, level_of, prop_levels, vehicle_levels
+from groundpose.simulation.road_kinds import ROAD_KINDS, make_road
+from groundpose.simulation.surroundings import light
+from groundpose.simulation.surroundings import props as beside
+from groundpose.vehicles import MATERIALS, body
+
+
+def test_no_sky_is_in_two_splits():
+    indices = [i for split in SPLITS for i in skies(split)]
+    assert sorted(indices) == list(range(len(environments())))
+
+
+def test_skies_light_level_ground_with_one():
+    for environment in environments():
+        h = environment.harmonics
+        assert 0.282095 * h[0, 1] + 0.488603 * h[1, 1] - 0.315392 * h[6, 1] - 0.546274 * h[
+            8, 1
+        ] == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("split", list(SPLITS))
+def test_light_stays_in_its_table(split):
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        made = light(rng, split)
+        kind = KINDS[made.kind]
+        elevation = np.degrees(np.arcsin(-made.sun_direction[1]))
+        assert np.linalg.norm(made.sun_direction) == pytest.approx(1.0)
+        assert kind.elevation[0] <= elevation <= kind.elevation[1]
+        assert kind.strength[0] <= made.sun_strength <= kind.strength[1]
+        assert made.sky in skies(split)
+        assert all(np.isfinite(np.asarray(v, float)).all() for v in illumination(made).values())
+
+
+def test_light_refuses_an_unknown_split():
+    with pytest.raises(gp.InputError, match="split: expected one of train"):
+        light(np.random.default_rng(0), "dev")
+
+
+@pytest.mark.parametrize("kind", list(ROAD_KINDS))
+def test_props_stand_beside_the_road(kind):
+    road = make_road(np.random.default_rng(1), kind, 150.0)
+    made, again = (beside(road, np.random.default_rng(2)) for _ in range(2))
+    assert len(made) > 5
+    for a, b in zip(made, again, strict=True):
+        assert (a.kind, a.seed, a.yaw) == (b.kind, b.seed, b.yaw)
+        np.testing.assert_array_equal(a.position, b.position)
+    _, d = road.locate([p.position[0] for p in made], [p.position[2] for p in made])
+    assert (np.where(d > 0, d - road.layout.right, -d - road.layout.left) > 0.2).all()
+    assert {p.kind for p in made} <= set(props.MAKERS)
+
+
+@pytest.mark.parametrize("kind", list(props.MAKERS))
+def test_prop_meshes(kind):
+    for variant in range(len(props.MAKERS[kind])):
+        mesh = props.mesh(kind, variant)
+        assert np.isfinite(mesh.vertices).all()
+        assert mesh.faces.max() < len(mesh.vertices)
+        top, bottom = -mesh.vertices[:, 1].min(), -mesh.vertices[:, 1].max()
+        assert 0.9 < top < 1.2
+        assert bottom > -0.2  # twigs reach into the ground
+        assert 0 <= mesh.solid <= len(mesh.faces)
+        sizes = [len(faces) for _, faces, _ in prop_levels(kind, variant)]
+        assert sizes == sorted(sizes, reverse=True)
+
+
+def test_every_material_has_a_surface():
+    assert set(SURFACES) == set(MATERIALS)
+    base, layer = surface_tables()
+    assert np.isfinite(base).all()
+    assert np.isfinite(layer).all()
+
+
+def test_paints_have_the_shares_of_the_street():
+    looks = [look("car", seed) for seed in range(1500)]
+    shares = np.array([share for *_, share in PAINTS])
+    colourless = sum(max(p.paint) - min(p.paint) < 0.35 * max(p.paint) for p in looks) / len(looks)
+    assert 0.6 < colourless < 0.9
+    assert shares.sum() > 99.0
+    assert look("car", 3) == look("car", 3)
+
+
+def test_levels_of_a_body_keep_its_extent():
+    made = body("car", 0)
+    levels = vehicle_levels(made)
+    low, high = made.vertices.min(axis=0), made.vertices.max(axis=0)
+    counts = [len(faces) for _, faces, _ in levels]
+    assert counts == sorted(counts, reverse=True)
+    for (_, cell), (vertices, faces, _) in zip(BODY_LEVELS, levels, strict=True):
+        used = vertices[np.unique(faces), :3]
+        assert np.abs(used.min(axis=0) - low).max() <= cell + 1e-5
+        assert np.abs(used.max(axis=0) - high).max() <= cell + 1e-5
+    assert level_of(BODY_LEVELS, 1000.0) == 0
+    assert level_of(BODY_LEVELS, 1.0) == len(BODY_LEVELS) - 1
+
+
+def test_textures_have_all_layers():
+    assert textures.layers().shape == (len(textures.LAYERS), textures.SIZE, textures.SIZE, 4)
+    assert textures.layer("asphalt") == 1

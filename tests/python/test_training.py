@@ -1,0 +1,332 @@
+"""Networks, crops, batches, losses, resuming, export: on painted crops, without a renderer."""
+
+import csv
+import json
+
+import groundpose as gp
+import numpy as np
+import pytest
+from groundpose.keypoints.codec import FILL, Codec, cut
+from groundpose.keypoints.network import Network
+from groundpose.simulation import HIDDEN, OUTSIDE, VISIBLE
+from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices, keypoint_indices
+
+torch = pytest.importorskip("torch", reason="torch is not installed (extra [train])")
+pytest.importorskip("onnxscript", reason="onnxscript is not installed (extra [train])")
+
+from groundpose.training import configs, crops, loop, networks, release  # noqa: E402
+from groundpose.training.batches import Batcher  # noqa: E402
+from groundpose.training.evaluate import answers  # noqa: E402
+from groundpose.training.log import METRICS  # noqa: E402
+from groundpose.training.losses import Loss  # noqa: E402
+from groundpose.training.toy import IMAGE_SIZE, toy_frame, toy_samples  # noqa: E402
+
+K = len(KEYPOINTS)
+SMALL = configs.changed(configs.train_config("smoke"), epochs=1, batch=8)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("crops")
+    for split, count in {"train": 48, "validation": 16}.items():
+        crops.write_crops(folder, toy_samples, split, count, frames_per_shard=32)
+    return folder
+
+
+@pytest.mark.parametrize("name", [name for name, c in configs.NETWORKS.items() if c.gmac is not None])
+def test_multiply_adds_of_the_papers_networks(name):
+    config = configs.NETWORKS[name]
+    with torch.device("meta"):
+        network = networks.KeypointNetwork(config)
+        assert networks.multiply_adds(network) / 1e9 == pytest.approx(config.gmac, rel=0.01)
+
+
+@pytest.mark.parametrize("name", configs.NETWORKS)
+def test_shapes(name):
+    config = configs.NETWORKS[name]
+    with torch.device("meta"):
+        network = networks.KeypointNetwork(config)
+        raw = network(torch.zeros(2, 3, config.height, config.width))
+        decoded = network.decode(raw)
+    assert raw.maps.shape == (2, K, config.height / network.stride, config.width / network.stride)
+    assert decoded.keypoints.shape == (2, K, 2)
+    assert decoded.spread.shape == decoded.peak.shape == (2, K)
+    assert decoded.kind_probabilities.shape == (2, len(KINDS))
+
+
+def test_softargmax():
+    network = networks.KeypointNetwork(configs.NETWORKS["toy"])
+    maps = torch.full((1, K, 24, 32), -1e4)
+    maps[..., 3, 5] = 0.0  # one cell: centre of 4 x 4 pixels from (20, 12)
+    maps[:, 1, 3, 6] = 0.0  # two cells side by side
+    found = network.decode(networks.Raw(maps, torch.zeros(1, 4)))
+    np.testing.assert_allclose(found.keypoints[0, 0], [21.5, 13.5])
+    np.testing.assert_allclose(found.keypoints[0, 1], [23.5, 13.5])
+    np.testing.assert_allclose(found.spread[0, :2], [0.0, 2.0], atol=1e-6)
+    np.testing.assert_allclose(found.peak[0, :2], [1.0, 0.5])
+
+
+def test_folding_changes_nothing():
+    torch.manual_seed(0)
+    for name in ("toy", "res10-128x96"):
+        network = networks.KeypointNetwork(configs.NETWORKS[name])
+        pictures = 255 * torch.rand(4, 3, 96, 128)
+        for _ in range(3):
+            network(pictures)  # running means that are not the first ones
+        network.eval()
+        with torch.no_grad():
+            before = network(pictures)
+            after = networks.folded(network)(pictures)
+        assert not any(isinstance(m, torch.nn.BatchNorm2d) for m in network.modules())
+        for a, b in zip(before, after, strict=True):
+            np.testing.assert_allclose(a, b, atol=2e-4)
+
+
+def test_crops_are_resumed_and_the_same_for_any_jobs(tmp_path, data):
+    told = []
+    written = crops.write_crops(tmp_path, toy_samples, "train", 48, frames_per_shard=32)
+    assert written == 2
+    (tmp_path / "train-00000-labels.npy").unlink()  # as if stopped between the two files
+    again = crops.write_crops(
+        tmp_path, toy_samples, "train", 48, frames_per_shard=32, advance=lambda *now: told.append(now)
+    )
+    assert again == 1
+    assert told == [(1, 2), (2, 2)]
+    one, two = crops.Crops(tmp_path, "train"), crops.Crops(data, "train")
+    for a, b in zip(one.take(np.arange(48)), two.take(np.arange(48)), strict=True):
+        assert a.tobytes() == b.tobytes()
+    assert len(one) == 48
+    assert len(crops.Crops(data, "train", limit=20)) == 20
+    with pytest.raises(gp.InputError, match="expected crops made with the same source, seed"):
+        crops.write_crops(tmp_path, toy_samples, "train", 48, seed=1, frames_per_shard=32)
+    with pytest.raises(gp.InputError, match="expected finished shards of split 'test'"):
+        crops.Crops(data, "test")
+    with pytest.raises(gp.InputError, match=r"expected a folder of crops \(index.json\), got none"):
+        crops.Crops(tmp_path / "none", "train")
+
+
+def test_batches_show_what_inference_cuts(data):
+    """A stored crop cut again is the crop of the image, up to the resampling, and so are its keypoints."""
+    stored, codec = crops.Crops(data, "train"), Codec()
+    images, labels = stored.take(np.arange(16))
+    batch = Batcher(codec, stored.codec)(images, labels, np.random.default_rng(0))
+    for i in range(16):
+        image, _, kind, points, state = toy_frame(0, "train", i)
+        window = codec.windows(labels["box"][i : i + 1].astype(float))
+        wanted = cut(image, window[0], 128, 96)
+        assert np.abs(batch.crops[i].permute(1, 2, 0).numpy() - wanted).mean() < 6.0
+        rows = keypoint_indices(kind)
+        places = codec.crop_from_image(points[None], window)[0]
+        np.testing.assert_allclose(batch.keypoints[i, rows], places, atol=0.02)
+        assert batch.state[i, rows].tolist() == state.tolist()
+        assert int(torch.isfinite(batch.keypoints[i]).all(dim=1).sum()) == len(rows)
+
+
+def test_mirrored_and_turned_crops_keep_their_keypoints(data):
+    """The dots that the toy paints are found at the keypoints of changed crops, in their colours."""
+    stored, codec = crops.Crops(data, "train"), Codec()
+    images, labels = stored.take(np.arange(48))
+    changes = configs.AugmentConfig(
+        box_noise=0.05,
+        flip=1.0,
+        rotation_deg=6.0,
+        tone=0.0,
+        resolution=0.0,
+        sharpen=0.0,
+        noise=0.0,
+        shade=0.0,
+    )
+    plain = Batcher(codec, stored.codec)(images, labels, np.random.default_rng(0))
+    batch = Batcher(codec, stored.codec, changes)(images, labels, np.random.default_rng(0))
+    flip = flip_indices()
+    errors = []
+    for i in range(48):
+        for k in range(K):
+            a, b = plain.keypoints[i, k].round().long(), batch.keypoints[i, k].round().long()
+            seen = plain.state[i, k] != OUTSIDE and bool(torch.isfinite(plain.keypoints[i, k]).all())
+            if not seen or not (5 < b[0] < 122 and 5 < b[1] < 90):
+                continue
+            there = batch.crops[i, :, b[1], b[0]] - plain.crops[i, :, a[1], a[0]]
+            errors.append(float(there.abs().mean()))
+            assert batch.state[i, flip[k]] == plain.state[i, k]
+    assert len(errors) > 500
+    # partners have one colour; dots that others cover differ
+    assert np.median(errors) < 8.0
+
+
+def test_looks_change_and_the_border_does_not(data):
+    stored, codec = crops.Crops(data, "train"), Codec()
+    images, labels = stored.take(np.arange(48))
+    augment = configs.AugmentConfig(rotation_deg=0.0, flip=0.0)
+    make = Batcher(codec, stored.codec, augment)
+    one, same = (make(images, labels, np.random.default_rng(5)) for _ in range(2))
+    assert one.crops.numpy().tobytes() == same.crops.numpy().tobytes()
+    plain = Batcher(codec, stored.codec)(images, labels, np.random.default_rng(0))
+    assert (one.crops - plain.crops).abs().mean() > 20.0
+    assert float(one.crops.min()) >= 0.0
+    assert float(one.crops.max()) <= 255.0
+    whole = one.windows
+    beyond = np.flatnonzero(whole[:, 0] < -0.5 - 0.05 * (whole[:, 2] - whole[:, 0]))
+    assert len(beyond) > 2
+    for i in beyond:
+        np.testing.assert_array_equal(one.crops[i, :, 40, 0], FILL)
+    assert tuple(labels["image_size"][0]) == IMAGE_SIZE
+
+
+def test_loss_is_least_at_the_truth_and_deaf_to_other_classes(data):
+    stored, codec = crops.Crops(data, "train"), Codec()
+    batch = Batcher(codec, stored.codec)(*stored.take(np.arange(8)), np.random.default_rng(0))
+    network = networks.KeypointNetwork(configs.NETWORKS["toy"])
+    loss = Loss(network, codec, SMALL)
+    y, x = torch.meshgrid(network.cell_y, network.cell_x, indexing="ij")
+
+    def maps(shift):
+        place = torch.nan_to_num(batch.keypoints)[:, :, None, None] + shift
+        return -0.5 * (((x - place[..., 0]) / 4) ** 2 + ((y - place[..., 1]) / 4) ** 2)
+
+    logits = 20.0 * torch.nn.functional.one_hot(batch.kind, 4).float()
+    truth, off = (loss(networks.Raw(maps(shift), logits), batch) for shift in (0.0, 3.0))
+    assert float(truth.total) < float(off.total)
+    assert float(truth.distance) < 0.01 < 0.03 < float(off.distance)
+    assert float(truth.classes) < 1e-6
+    other = torch.isnan(batch.keypoints).any(dim=2)[..., None, None]
+    changed = loss(networks.Raw(torch.where(other, torch.randn_like(maps(0.0)), maps(0.0)), logits), batch)
+    assert float(changed.total) == pytest.approx(float(truth.total), abs=1e-6)
+    assert {OUTSIDE, HIDDEN, VISIBLE} >= set(batch.state.unique().tolist())
+
+
+def run(config, data, folder, stop_at=None, workers=0):
+    """Losses of all steps of a run that is interrupted and gone on with after `stop_at`."""
+    losses = {}
+
+    def tell(now):
+        losses[now.step] = now.losses
+        if now.step == stop_at and len(losses) == stop_at:
+            raise KeyboardInterrupt
+
+    for _ in range(1 if stop_at is None else 2):
+        trainer = loop.Trainer(config, data, folder, workers=workers)
+        try:
+            trainer.run(loop.Limits(evaluations=1, validation=8), tell)
+        except KeyboardInterrupt:
+            continue
+    return losses, trainer
+
+
+def metrics(folder):
+    with (folder / METRICS).open(newline="") as file:
+        return [row for row in csv.reader(file) if row[1] != "crops_per_second"]
+
+
+def test_a_stopped_run_goes_on_as_if_it_had_not_been(tmp_path, data):
+    straight, first = run(SMALL, data, tmp_path / "a")
+    stopped, second = run(SMALL, data, tmp_path / "b", stop_at=3)
+    assert sorted(straight) == sorted(stopped) == list(range(1, 7))
+    assert straight == stopped  # bit for bit
+    for a, b in zip(first.network.parameters(), second.network.parameters(), strict=True):
+        assert torch.equal(a, b)
+    ahead, _ = run(SMALL, data, tmp_path / "c", workers=1)
+    assert ahead == straight
+    rows = [metrics(tmp_path / name) for name in "ab"]
+    assert rows[0] == rows[1]
+    assert rows[0][0] == ["step", "name", "value"]
+    assert any(row[1] == "class_accuracy" for row in rows[0])
+    with pytest.raises(gp.InputError, match="run of this configuration"):
+        loop.Trainer(configs.changed(SMALL, seed=1), data, tmp_path / "a")
+    with pytest.raises(gp.InputError, match=r"expected a training run \(checkpoint.pt\), got none"):
+        loop.trained(tmp_path / "none")
+
+
+def test_schedules():
+    paper, ours = configs.train_config("res10-128x96-paper"), configs.train_config("lite32")
+    rates = [loop.learning_rate(paper, step, 90) for step in (0, 59, 60, 79, 80, 89)]
+    np.testing.assert_allclose(rates, [1e-3, 1e-3, 1e-4, 1e-4, 1e-5, 1e-5])
+    assert (paper.optimizer, paper.weight_decay, paper.epochs) == ("adam", 1e-4, 90)
+    curve = [loop.learning_rate(ours, step, 1000) for step in range(1000)]
+    assert int(np.argmax(curve)) in (18, 19, 20)
+    assert curve[-1] < 1e-4 * max(curve)
+
+
+def test_configurations():
+    assert set(configs.NETWORKS) >= {c.network for c in configs.CONFIGS.values()}
+    assert configs.changed(SMALL, epochs=3, flip=0.25).augment.flip == 0.25
+    with pytest.raises(gp.InputError, match=r"config: expected one of .*lite32.*got 'lite33'"):
+        configs.train_config("lite33")
+    with pytest.raises(gp.InputError, match="names of TrainConfig or AugmentConfig, got epoch"):
+        configs.changed(SMALL, epoch=3)
+
+
+SMOKE_WITHIN, SMOKE_CLASSES = 0.85, 0.98
+
+
+def test_smoke_trains_exports_and_is_good(tmp_path):
+    """The whole way in half a minute: painted crops, training, fp16 and int8 files, accuracy of each."""
+    folder = tmp_path / "crops"
+    for split, count in {"train": 320, "validation": 64, "test": 64}.items():
+        crops.write_crops(folder, toy_samples, split, count)
+    trainer = loop.Trainer(configs.train_config("smoke"), folder, tmp_path / "run")
+    assert trainer.run(loop.Limits(evaluations=1, validation=16))
+    done = release.release(
+        tmp_path / "run",
+        folder,
+        tmp_path / "smoke.onnx",
+        int8=tmp_path / "int8.onnx",
+        command="groundpose train smoke",
+    )
+    assert done.metrics["within_visible"] > SMOKE_WITHIN
+    assert done.metrics["class_accuracy"] >= SMOKE_CLASSES
+    assert done.int8_metrics["within_visible"] > done.metrics["within_visible"] - 0.02
+    assert done.int8_metrics["class_accuracy"] >= SMOKE_CLASSES
+    assert done.metrics["score_auc"] > 0.6
+    _check_files(tmp_path, folder)
+
+
+def _check_files(folder, data):
+    """Parity of torch, onnxruntime and int8, sizes, and what the file says of itself."""
+    stored = crops.Crops(data, "test", 24)
+    network, config, _ = loop.trained(folder / "run")
+    codec = Codec(network.config.width, network.config.height)
+    truth = answers(loop.detector(network), stored, codec).detections
+    found = {name: Network(folder / name, threads=1) for name in ("smoke.onnx", "int8.onnx")}
+    half, int8 = (answers(n.detect, stored, codec).detections for n in found.values())
+    assert np.abs(half.keypoints - truth.keypoints).max() < 0.2  # weights rounded to float16
+    assert np.abs(half.spread - truth.spread).max() < 0.2
+    assert np.abs(half.kind_probabilities - truth.kind_probabilities).max() < 2e-3
+    assert np.abs(int8.keypoints - truth.keypoints).mean() < 0.5
+    sizes = [(folder / name).stat().st_size for name in found]
+    parameters = sum(p.numel() for p in network.parameters())
+    assert sizes[0] < 2 * parameters + 60_000
+    assert sizes[1] < 1 * parameters + 120_000
+    said = found["int8.onnx"].metadata
+    assert said["command"] == "groundpose train smoke"
+    assert json.loads(said["data"]) == {
+        "source": "groundpose.training.toy.toy_samples",
+        "seed": 0,
+        "version": 1,
+    }
+    assert json.loads(said["config"])["network"] == config.network
+    assert json.loads(said["metrics"])["class_accuracy"] >= SMOKE_CLASSES
+    assert (said["width"], said["height"], said["margin"], said["weights"]) == ("128", "96", "0.1", "int8")
+
+
+def test_float32_export_is_the_network_to_the_bit_almost(tmp_path):
+    from groundpose.keypoints.decode import Calibration
+    from groundpose.training.export import export, metadata
+
+    torch.manual_seed(0)
+    network = networks.folded(networks.KeypointNetwork(configs.NETWORKS["toy"]))
+    index = {"source": "none", "seed": 0, "version": 1}
+    export(network, tmp_path / "n.onnx", metadata(Codec(), Calibration(), "", index, {}, {}), half=False)
+    pictures = np.random.default_rng(0).integers(0, 256, (3, 96, 128, 3), dtype=np.uint8)
+    ours, theirs = loop.detector(network)(pictures), Network(tmp_path / "n.onnx", threads=1).detect(pictures)
+    np.testing.assert_allclose(theirs.keypoints, ours.keypoints, atol=3e-4)
+    np.testing.assert_allclose(theirs.spread, ours.spread, atol=3e-4)
+    np.testing.assert_allclose(theirs.kind_probabilities, ours.kind_probabilities, atol=1e-5)
