@@ -4,7 +4,7 @@ import groundpose as gp
 import numpy as np
 import pytest
 from groundpose.simulation import props
-from groundpose.simulation.assets import SPLITS, environments, skies
+from groundpose.simulation.assets import SKIES, environments, skies
 from groundpose.simulation.render import textures
 from groundpose.simulation.render.lighting import KINDS, illumination
 from groundpose.simulation.render.look import PAINTS, SURFACES, look, surface_tables
@@ -16,7 +16,7 @@ from groundpose.vehicles import MATERIALS, body
 
 
 def test_no_sky_is_in_two_splits():
-    indices = [i for split in SPLITS for i in skies(split)]
+    indices = [i for split in SKIES for i in skies(split)]
     assert sorted(indices) == list(range(len(environments())))
 
 
@@ -28,7 +28,7 @@ def test_skies_light_level_ground_with_one():
         ] == pytest.approx(1, abs=1e-3)
 
 
-@pytest.mark.parametrize("split", list(SPLITS))
+@pytest.mark.parametrize("split", list(SKIES))
 def test_light_stays_in_its_table(split):
     rng = np.random.default_rng(4)
     for _ in range(50):

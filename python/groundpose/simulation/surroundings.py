@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from groundpose._checks import input_error
-from groundpose.simulation.assets import SPLITS, environments, skies
+from groundpose.simulation.assets import SKIES, environments, skies
 from groundpose.simulation.props import CONCRETE, MAKERS
 from groundpose.simulation.render.lighting import DAY, KINDS
 from groundpose.simulation.road import Road
@@ -22,8 +22,8 @@ def light(rng: Generator, split: str = "train") -> Light:
     Raises:
         InputError: an unknown split.
     """
-    if split not in SPLITS:
-        raise input_error("split", f"one of {', '.join(SPLITS)}", repr(split))
+    if split not in SKIES:
+        raise input_error("split", f"one of {', '.join(SKIES)}", repr(split))
     names, shares = list(KINDS), np.array([kind.share for kind in KINDS.values()])
     name = names[rng.choice(len(names), p=shares / shares.sum())]
     kind = KINDS[name]

@@ -15,7 +15,7 @@ FOLDER = Path(__file__).parent
 KEPT_ROWS = 288
 
 # Environments by split: no sky of the training set is seen in validation or test.
-SPLITS: dict[str, tuple[str, ...]] = {
+SKIES: dict[str, tuple[str, ...]] = {
     "train": (
         "bl_city",
         "bl_courtyard",
@@ -53,7 +53,7 @@ class Environment:
 
 @cache
 def environments() -> tuple[Environment, ...]:
-    """All skies in the order of `SPLITS`; the index is `Light.sky`."""
+    """All skies in the order of `SKIES`; the index is `Light.sky`."""
     with np.load(FOLDER / "environments.npz", allow_pickle=False) as file:
         names, rest = file["names"].tolist(), [file[k] for k in ("harmonics", "azimuths", "means")]
     pictures = [np.asarray(Image.open(FOLDER / f"{name}.jpg").convert("RGB")) for name in names]
@@ -65,5 +65,5 @@ def environments() -> tuple[Environment, ...]:
 
 def skies(split: str) -> tuple[int, ...]:
     """Indices of the skies of a split."""
-    order = [name for names in SPLITS.values() for name in names]
-    return tuple(order.index(name) for name in SPLITS[split])
+    order = [name for names in SKIES.values() for name in names]
+    return tuple(order.index(name) for name in SKIES[split])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from groundpose.simulation.assets import FOLDER, KEPT_ROWS, SPLITS
+from groundpose.simulation.assets import FOLDER, KEPT_ROWS, SKIES
 
 FloatArray = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ def main(source: str) -> None:
     """Write one JPEG per outdoor environment and `environments.npz`."""
     with np.load(source, allow_pickle=False) as file:
         names, panoramas, light = file["names"].tolist(), file["ldr"], file["env"].astype(np.float64)
-    wanted = [name for split in SPLITS.values() for name in split]
+    wanted = [name for split in SKIES.values() for name in split]
     harmonics, azimuths, means = [], [], []
     for name in wanted:
         index = names.index(name)

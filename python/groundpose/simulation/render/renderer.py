@@ -19,8 +19,8 @@ from groundpose.simulation.scene import Scene
 Image = NDArray[np.uint8]
 Radiance = NDArray[np.float32]
 
-# Drawn at twice the width and height and averaged: on a CPU this costs a fraction of multisampling (measured
-# in results/renderer.json), and smooths textures and highlights too.
+# Drawn at twice the width and height and averaged: on a CPU this costs less than four samples a pixel
+# (measured in results/renderer.json), and smooths textures and highlights too.
 _OVERSAMPLED = 2
 # Below this many drawn pixels per metre the faces of a body are hardly larger than a pixel: the light is
 # worked out at their corners, which costs a fraction of doing it for the pixels each of them touches.
