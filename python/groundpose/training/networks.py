@@ -164,7 +164,7 @@ class KeypointNetwork(nn.Module):
             stages.append(nn.Sequential(*blocks))
             channels.append(inputs)
         self.stages = nn.ModuleList(stages)
-        self.head = _HEADS[config.head](channels, config.head_widths, len(KEYPOINTS))
+        self.head: nn.Module = _HEADS[config.head](channels, config.head_widths, len(KEYPOINTS))
         self.classes = nn.Linear(channels[-1], len(KINDS))
         self.stride = 4.0 if config.head == "fpn" else 32.0 / 2 ** len(config.head_widths)
         for name, pixels in (("cell_x", config.width), ("cell_y", config.height)):

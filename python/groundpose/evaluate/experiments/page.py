@@ -39,6 +39,8 @@ FIGURE_METHODS = {
     "fig4": [name for key in ("fig4_paper", "fig4_today") for name in FIGURES_DRAWN[key][2]],
     "fig5": list(FIGURES_DRAWN["fig5"][2]),
 }
+QUIET_LOAD = 1.5
+"""Processes running, in the mean over a minute, beyond which times are called disturbed."""
 SHOWN = {"E1": (0.5, 0.9), "E2": (50.0, 1000.0), "E3": (0.0, 3.0), "E4": (0.0, 3.0)}
 """Settings shown as tables; figures show all."""
 
@@ -53,7 +55,7 @@ def render(results: Results, figures: list[Path]) -> str:
     parts.append(_state(results))
     whole = complete(results)
     if not whole:
-        parts.append("This run is not finished, and other programs ran beside it: do not rely on its times.")
+        parts.append("This run is not finished.")
     parts += [f"![{path.stem}](experiments/{path.name})" for path in figures]
     for section, claims in CLAIMS.items():
         parts += [f"## {section}", *(_claim(check(results), whole) for check in claims)]
@@ -102,8 +104,15 @@ def _state(results: Results) -> str:
         lines.append(
             f"- {experiment}: {store.trials} trials, seed {store.seed}, {len(store.results)} of {settings} "
             f"settings, {cells} (setting, method) pairs. {versions}. {environment.get('machine', '')}"
+            + _busy(environment.get("busiest_load"))
         )
     return "\n".join(["What is measured:", "", *lines]) if lines else "Nothing is measured yet."
+
+
+def _busy(load: float | None) -> str:
+    """A warning when more ran than the one process that was timed."""
+    disturbed = load is not None and load > QUIET_LOAD
+    return f". Up to {load:.0f} processes ran: times are disturbed" if disturbed else ""
 
 
 def _lines(results: Results, experiment: str, setting: Setting) -> list[dict[str, object]]:

@@ -17,13 +17,14 @@ Cells = dict[str, dict[str, Any]]
 
 
 def environment() -> dict[str, Any]:
-    """Versions and machine that numbers depend on."""
+    """Versions and machine that numbers depend on, and how busy it is (running processes, over a minute)."""
     versions = report.versions()
     try:
         versions["pycolmap"] = version("pycolmap")
     except PackageNotFoundError:
         versions["pycolmap"] = "not installed"
-    return {"versions": versions, "machine": report.machine()}
+    load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
+    return {"versions": versions, "machine": report.machine(), "load": load}
 
 
 @dataclass
@@ -93,6 +94,11 @@ class Store:
                 if key in cells
             }
 
+        now = environment()
+        now["busiest_load"] = max(
+            filter(None, (now.pop("load"), self.environment.get("busiest_load"))), default=None
+        )
+        self.environment = now
         content = {
             "experiment": self.experiment,
             "trials": self.trials,
@@ -100,7 +106,7 @@ class Store:
             "methods": {name: self.methods[name] for name in sorted(self.methods, key=lambda n: rank[n])},
             "results": ordered(self.results),
             "times": {
-                "environment": environment(),
+                "environment": now,
                 "microseconds": ordered(self.microseconds),
             },
         }
