@@ -273,7 +273,13 @@ def command(*arguments: object, **more) -> subprocess.Popen:
 
 def test_a_real_process_reads_a_pipe_and_writes_frame_by_frame():
     """The pose of the first line is out before the second line is in; Ctrl-C keeps what is done."""
-    with command("estimate", "-") as process:
+    # a shell's background job ignores Ctrl-C and hands that down
+    heed = (
+        {}
+        if sys.platform == "win32"
+        else {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    )
+    with command("estimate", "-", **heed) as process:
         line = (json.dumps(FRAME) + "\n").encode()
         process.stdin.write(line)
         process.stdin.flush()
