@@ -81,6 +81,20 @@ def paper(solver: str, hre_thresholds: tuple[float, float, float]) -> Method:
     return Method(f"RNSC-{solver.upper()}+HRE", "the paper's four cases, inlier count", options)
 
 
+def paper_search(solver: str, refinement: str, hre_thresholds: tuple[float, float, float]) -> dict[str, Any]:
+    """Options of RNSC-P1P or RNSC-P3P with a refinement of the paper: four cases, inlier count, tilt and box
+    forgotten after the search, nothing refused, no covariance."""
+    return without_prior(
+        solver=solver,
+        cases="paper",
+        scoring="inliers",
+        refinement=refinement,
+        hre_thresholds=hre_thresholds,
+        max_log10_nfa=math.inf,
+        covariance=False,
+    )
+
+
 def hre(hre_thresholds: tuple[float, float, float]) -> Method:
     """Our search (all corner pairs, truncated squared error) with the paper's refinement."""
     options = without_prior(solver="p1p", refinement="hre", hre_thresholds=hre_thresholds)

@@ -17,8 +17,8 @@ from groundpose.vehicles.car_seams import seams
 from groundpose.vehicles.car_shape import CarShape, draw_shape
 from groundpose.vehicles.car_shell import Shell, make_shell
 from groundpose.vehicles.dimensions import random_stream
-from groundpose.vehicles.geometry.mesh import Component, assemble
-from groundpose.vehicles.keypoints import keypoint_names
+from groundpose.vehicles.finish import finished, mirrored_keypoints
+from groundpose.vehicles.geometry.mesh import Component
 from groundpose.vehicles.parts.wheels import CAR_RIMS, FIRST_COVER, Rim, hub_x, place_wheels, wheel
 
 
@@ -42,34 +42,20 @@ def build(style: str, seed: int) -> Body:
     ends_ = ends(shape, car.shell, car.face)
     wheels = _wheels(shape)
     wheel_parts = wheel(shape.outer.wheel_radius, shape.tyre_width, shape.rim_radius, car.rim, car.phase)
-    mesh = assemble(
-        [
-            car.shell.component(),
-            car.cabin.component(),
-            *ends_,
-            *lamps(shape, car.shell, car.face),
-            *front_face(shape, car.shell, car.face),
-            *rear_face(shape, car.shell, car.face),
-            *seams(shape, car.shell),
-            *mirrors(shape, car.cabin, car.fittings),
-            *outside(shape, car.shell, car.cabin, car.fittings),
-            *interior(shape, car.fittings),
-            *place_wheels(wheels, wheel_parts),
-        ]
-    )
-    return Body(
-        "car",
-        style,
-        seed,
-        mesh.vertices,
-        mesh.normals,
-        mesh.faces,
-        mesh.materials,
-        mesh.parts,
-        _keypoints(car),
-        _box(car, ends_),
-        wheels,
-    )
+    components = [
+        car.shell.component(),
+        car.cabin.component(),
+        *ends_,
+        *lamps(shape, car.shell, car.face),
+        *front_face(shape, car.shell, car.face),
+        *rear_face(shape, car.shell, car.face),
+        *seams(shape, car.shell),
+        *mirrors(shape, car.cabin, car.fittings),
+        *outside(shape, car.shell, car.cabin, car.fittings),
+        *interior(shape, car.fittings),
+        *place_wheels(wheels, wheel_parts),
+    ]
+    return finished("car", style, seed, components, _keypoints(car), _box(car, ends_), wheels)
 
 
 def keypoints(style: str, seed: int) -> tuple[FloatArray, FloatArray]:
@@ -155,7 +141,4 @@ def _keypoints(car: _Car) -> FloatArray:
         "belt_b": cabin.corner("front_door", end=True, top=False),
         "belt_c": cabin.corner("quarter", end=True, top=False),
     }
-    found = {f"right_{name}": point for name, point in right.items()}
-    found |= {f"left_{name}": point * [-1.0, 1.0, 1.0] for name, point in right.items()}
-    found |= {"front_plate": plates[0], "rear_plate": plates[1]}
-    return np.stack([found[name] for name in keypoint_names("car")])
+    return mirrored_keypoints("car", right, {"front_plate": plates[0], "rear_plate": plates[1]})

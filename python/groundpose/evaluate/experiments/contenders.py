@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from groundpose.evaluate.baselines.reppnp import DELTA_FACTOR
 from groundpose.evaluate.experiments.outcome import CHUNK, Mask, Outcome, inlier_mask, missing
 from groundpose.evaluate.experiments.polish import GN, LEAST_POINTS, PNPS, Polish
 from groundpose.evaluate.experiments.settings import Setting
-from groundpose.evaluate.methods import DEFAULT, HRE_CUBE, NO_PRIOR, UP2P, Method, without_prior
+from groundpose.evaluate.methods import DEFAULT, HRE_CUBE, NO_PRIOR, UP2P, Method, paper_search
 from groundpose.evaluate.scenes import Scenes
 
 REPEATS, LONG_ENOUGH = 3, 0.05
@@ -92,18 +91,9 @@ def _all(setting: Setting, trials: int) -> int:
     return trials
 
 
-def paper_search(solver: str, refinement: str) -> Method:
-    """RNSC-P1P or RNSC-P3P: four cases, inlier count, tilt and box forgotten, nothing refused, no
-    covariance."""
-    options = without_prior(
-        solver=solver,
-        cases="paper",
-        scoring="inliers",
-        refinement=refinement,
-        hre_thresholds=HRE_CUBE,
-        max_log10_nfa=math.inf,
-        covariance=False,
-    )
+def searched(solver: str, refinement: str) -> Method:
+    """RNSC-P1P or RNSC-P3P, alone or with a refinement of the core."""
+    options = paper_search(solver, refinement, HRE_CUBE)
     suffix = "" if refinement == "none" else f"+{refinement.upper()}"
     return Method(f"RNSC-{solver.upper()}{suffix}", f"paper's search, refinement {refinement}", options)
 
@@ -122,16 +112,16 @@ class Ransac:
 
     def methods(self) -> dict[str, str]:
         """The refinements of the core, then PnP methods."""
-        own = [paper_search(self.solver, refinement) for refinement in ("none", "gn", "hre")]
+        own = [searched(self.solver, refinement) for refinement in ("none", "gn", "hre")]
         polish = {f"{self.name}+{p.name}": p.note for p in PNPS if p.missing() is None}
         return {m.name: m.note for m in own} | polish
 
     def run(self, scenes: Scenes, wanted: list[str]) -> dict[str, Outcome]:
         """See `Family`."""
-        search = run_solver(paper_search(self.solver, "none"), scenes)
+        search = run_solver(searched(self.solver, "none"), scenes)
         found = {self.name: search}
         for refinement in ("gn", "hre"):
-            method = paper_search(self.solver, refinement)
+            method = searched(self.solver, refinement)
             if method.name in wanted:
                 found[method.name] = run_solver(method, scenes)
         kept = inlier_mask(scenes, search.R, search.t)

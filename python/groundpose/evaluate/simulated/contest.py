@@ -13,7 +13,7 @@ import numpy as np
 
 import groundpose as gp
 from groundpose.evaluate.experiments.outcome import CHUNK
-from groundpose.evaluate.methods import DEFAULT, HRE_VEHICLE, Method, without_prior
+from groundpose.evaluate.methods import DEFAULT, HRE_VEHICLE, Method, paper_search
 from groundpose.evaluate.rivals import POSELIB_TUNED, RIVALS, Clock, Rival
 from groundpose.evaluate.scenes import Array, Scene
 from groundpose.evaluate.simulated.errors import Answers
@@ -194,17 +194,8 @@ class Library:
 
 
 def paper(solver: str, refinement: str) -> Method:
-    """RNSC-P1P or RNSC-P3P with a refinement of the paper: its four cases, inlier count; tilt and box are
-    forgotten after the search, nothing is refused."""
-    options = without_prior(
-        solver=solver,
-        cases="paper",
-        scoring="inliers",
-        refinement=refinement,
-        hre_thresholds=HRE_VEHICLE,
-        max_log10_nfa=math.inf,
-        covariance=False,
-    )
+    """RNSC-P1P or RNSC-P3P with a refinement of the paper."""
+    options = paper_search(solver, refinement, HRE_VEHICLE)
     return Method(f"RNSC-{solver.upper()}+{refinement.upper()}", "the paper's, in our core", options)
 
 
