@@ -43,7 +43,12 @@ def split_of(seed: int) -> str:
 
 def random_body(rng: np.random.Generator, kind: str, split: str) -> int:
     """Seed of a body of class `kind` that only this split uses."""
-    return _FIRST_BODY[split] + int(rng.integers(_BODIES[split][kind != KINDS[0]]))
+    return _FIRST_BODY[split] + int(rng.integers(bodies_of(split, kind)))
+
+
+def bodies_of(split: str, kind: str) -> int:
+    """How many bodies of class `kind` a split has."""
+    return _BODIES[split][kind != KINDS[0]]
 
 
 @lru_cache(maxsize=2048)

@@ -26,8 +26,8 @@ from groundpose.keypoints.codec import MARGIN, ByteArray, Codec
 from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, keypoint_indices
 
 VERSION = 1
-STORED = Codec(192, 144, margin=0.5 * (1.5 * (1.0 + 2.0 * MARGIN) - 1.0))
-"""Crops as they are stored: 1.5 times the window of a network's crop, at the pixel size of 128 x 96."""
+STORED = Codec(160, 120, margin=0.5 * (1.25 * (1.0 + 2.0 * MARGIN) - 1.0))
+"""Crops as they are stored: 1.25 times the window of a network's crop, at the pixel size of 128 x 96."""
 
 LABEL = np.dtype(
     [

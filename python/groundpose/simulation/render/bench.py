@@ -1,6 +1,7 @@
 """Times the renderer on one core: `python -m groundpose.simulation.render.bench OUT.json`.
 
-Run it pinned (`taskset -c 1`) on a quiet machine. `bench_alternative.py` beside it times another package.
+Run it pinned with one drawing thread (`LP_NUM_THREADS=1 taskset -c 1`) on a quiet machine.
+`bench_alternative.py` beside it times another package.
 """
 
 from __future__ import annotations
@@ -16,31 +17,28 @@ from typing import Any
 
 import numpy as np
 
+from groundpose.keypoints.codec import Codec
 from groundpose.simulation.drive import scene
-from groundpose.simulation.labels import labels
 from groundpose.simulation.render import Renderer, camera
 from groundpose.simulation.render.context import context
-from groundpose.simulation.scene import Scene
-from groundpose.simulation.sheets import crop_box
-from groundpose.simulation.splits import scene_seed
+from groundpose.simulation.splits import bodies_of, body, scene_seed
+from groundpose.training.rendered import rendered_samples
+from groundpose.vehicles import KINDS
 
-_SIZE = (128, 96)
-_DRIVES, _FRAMES, _STEP = 6, 5, 10  # of the throughput: drives, frames of each, every so many
-_LEAST_HEIGHT = 25.0  # px
+_CODEC = Codec(128, 96)
+_FRAMES = 60  # of the throughput
 
 
 def main(path: str) -> None:
     """Measure and write."""
-    start = time.perf_counter()
     renderer = Renderer()
-    made = {"start_s": round(time.perf_counter() - start, 2)}
     figures: dict[str, Any] = {
-        "command": "taskset -c 1 python -m groundpose.simulation.render.bench",
+        "command": "LP_NUM_THREADS=1 taskset -c 1 python -m groundpose.simulation.render.bench",
         "machine": {
             "cpu": platform.processor() or platform.machine(),
             "renderer": context().info["GL_RENDERER"],
         },
-        "throughput": {**made, **throughput(renderer)},
+        "throughput": throughput(),
         "frame": frames(renderer),
         "antialiasing": antialiasing(renderer),
     }
@@ -49,35 +47,24 @@ def main(path: str) -> None:
     Path(path).write_text(json.dumps({**figures, **kept}, indent=1) + "\n", "utf-8")
 
 
-def throughput(renderer: Renderer) -> dict[str, Any]:
-    """Crops with effects of every labelled vehicle of some drives, everything included: drive, labels,
-    bodies, shadows, drawing, camera. The first drive, which compiles and fills the caches, is given apart."""
-    spent: dict[str, float] = {"scenes": 0.0, "labels": 0.0, "staging": 0.0, "crops": 0.0}
-    first, count = 0.0, 0
-    for drive in range(_DRIVES + 1):
-        if drive == 1:
-            first, count = sum(spent.values()), 0
-            spent = dict.fromkeys(spent, 0.0)
-            wall = time.perf_counter()
-        for frame in range(0, _FRAMES * _STEP, _STEP):
-            made: Scene = _timed(spent, "scenes", lambda d=drive, f=frame: scene(scene_seed(d), f))  # type: ignore[misc]
-            found = _timed(spent, "labels", lambda s=made: labels(s))  # type: ignore[misc]
-            wanted = [x for x in found if x.bbox[3] - x.bbox[1] >= _LEAST_HEIGHT]
-            if not wanted:
-                continue
-            _timed(spent, "staging", lambda s=made: renderer.stage(s))  # type: ignore[misc]
-            for label in wanted:
-                box = crop_box(label.bbox, _SIZE)
-                _timed(spent, "crops", lambda s=made, i=label.index, b=box: renderer.crop(s, i, b, _SIZE))  # type: ignore[misc]
-                count += 1
-    total = sum(spent.values())
+def throughput() -> dict[str, Any]:
+    """Crops as `groundpose crops` draws them, at the size of a network's crop, everything included: drive,
+    labels, bodies, shadows, drawing, camera. The frames are drawn twice: the second pass finds all bodies
+    made, as a long run does after its first minutes; what the first took more is put on all the bodies."""
+    passes = []
+    for _ in range(2):
+        wall, start = time.perf_counter(), time.process_time()
+        count = sum(1 for _ in rendered_samples(0, "train", 0, _FRAMES, _CODEC))
+        passes.append(time.process_time() - start)
+    seen = body.cache_info().currsize
+    bodies = (passes[0] - passes[1]) / seen * sum(bodies_of("train", kind) for kind in KINDS)
+    a_crop = passes[1] / count
     return {
-        "crops": count, "size": list(_SIZE),
-        "cpu_s": round(total, 2), "wall_s": round(time.perf_counter() - wall, 2),
-        "ms_a_crop": {name: round(1e3 * s / count, 2) for name, s in {**spent, "all": total}.items()},
-        "crops_a_second_and_core": round(count / total, 1),
-        "minutes_for_100000_on_two_cores": round(1e5 * total / count / 120.0, 1),
-        "first_drive_s": round(first, 2),
+        "frames": _FRAMES, "crops": count, "size": [_CODEC.width, _CODEC.height],
+        "cpu_s": round(passes[1], 2), "wall_s_of_second_pass": round(time.perf_counter() - wall, 2),
+        "ms_a_crop": round(1e3 * a_crop, 2),
+        "all_bodies_s": round(bodies, 1),
+        "minutes_for_100000_on_two_cores": round((5e4 * a_crop + bodies) / 60.0, 1),
         "memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
     }  # fmt: skip
 
@@ -99,7 +86,7 @@ def frames(renderer: Renderer) -> dict[str, Any]:
 def antialiasing(renderer: Renderer) -> dict[str, Any]:
     """One crop drawn with 4 samples a pixel, and at twice the width and height."""
     made = scene(scene_seed(1), 0)
-    window = camera.sampled_window((800.0, 450.0, 993.0, 594.0), _SIZE)
+    window = camera.sampled_window((800.0, 450.0, 993.0, 594.0), (_CODEC.width, _CODEC.height))
     gl, staged = context(), renderer.stage(made)
     size, fine = (window.width, window.height), (2 * window.width, 2 * window.height)
     samples = gl.framebuffer(
@@ -117,13 +104,6 @@ def antialiasing(renderer: Renderer) -> dict[str, Any]:
         return round(1e3 * float(np.median(times)), 1)
 
     return {"window": list(size), "four_samples_ms": drawn(samples), "double_size_ms": drawn(double)}
-
-
-def _timed(spent: dict[str, float], name: str, call: Callable[[], Any]) -> Any:
-    start = time.process_time()
-    out = call()
-    spent[name] += time.process_time() - start
-    return out
 
 
 def _cpu(call: Callable[[], Any]) -> float:

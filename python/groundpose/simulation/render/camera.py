@@ -28,7 +28,7 @@ def sampled_window(box: Box, size: tuple[int, int]) -> Window:
     give), else a little finer than the crop."""
     left, top, right, bottom = box
     scale = min(1.0, max(size[0] / (right - left), size[1] / (bottom - top)))
-    pitch = 1.0 / min(1.0, 1.25 * scale)
+    pitch = 1.0 / min(1.0, 1.1 * scale)
     # Whole cells of the frame's own grid, one beyond the box on each side for the resampling.
     x0, y0 = math.floor((left + 0.5) / pitch) - 1, math.floor((top + 0.5) / pitch) - 1
     x1, y1 = math.ceil((right + 0.5) / pitch) + 1, math.ceil((bottom + 0.5) / pitch) + 1
@@ -90,8 +90,9 @@ def _expose(x: Radiance, shot: Shot) -> Radiance:
 
 def _glow(x: Radiance, shot: Shot) -> Radiance:
     """Light that strays in the lens: halo around what is too bright, a veil over all."""
-    bright = np.minimum(x, 12.0)
-    wide = _blur(np.maximum(bright - 1.0, 0.0), 7.0 * shot.scale)
+    # a halo is wide: worked out on a quarter of the rows and columns
+    bright = _scaled_to(np.clip(x - 1.0, 0.0, 11.0), (-(-x.shape[0] // 4), -(-x.shape[1] // 4)))
+    wide = _scaled_to(_blur(bright, 7.0 * shot.scale * 0.25), x.shape[:2])
     veil = shot.rng.uniform(0.0, 0.03) * float(np.minimum(x, 2.0).mean())
     return np.asarray(x + np.float32(shot.rng.uniform(0.02, 0.12)) * wide + np.float32(veil))
 
@@ -136,7 +137,8 @@ def _noise(x: Radiance, shot: Shot) -> Radiance:
     strength = np.exp(shot.rng.normal(-4.5, 0.6)) * share
     sigma = strength * np.sqrt(np.maximum(x, 0.0) + 0.02)
     common = shot.rng.standard_normal(x.shape[:2], dtype=np.float32)[..., None]
-    colour = _blur(shot.rng.standard_normal(x.shape, dtype=np.float32), 0.8) * np.float32(2.0)
+    half = (x.shape[0] // 2 + 1, x.shape[1] // 2 + 1, 3)
+    colour = _scaled_to(shot.rng.standard_normal(half, dtype=np.float32), x.shape[:2]) * np.float32(1.2)
     return np.asarray(x + (sigma * (0.75 * common + shot.rng.uniform(0.3, 1.0) * colour)).astype(np.float32))
 
 
@@ -218,6 +220,16 @@ def _blur(x: Radiance, sigma: float) -> Radiance:
             out += w * wide[tuple(take)]
         x = out
     return x
+
+
+def _scaled_to(x: Radiance, shape: tuple[int, int]) -> Radiance:
+    """Resampled to (height, width): averaged down, interpolated up."""
+    size = shape[1], shape[0]
+    channels = [
+        Pillow.fromarray(np.ascontiguousarray(x[..., c])).resize(size, Pillow.Resampling.BILINEAR)
+        for c in range(x.shape[2])
+    ]
+    return np.stack([np.asarray(c) for c in channels], axis=2)
 
 
 def _shifted(x: Radiance, dx: float, dy: float) -> Radiance:

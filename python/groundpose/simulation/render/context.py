@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from functools import cache
+from importlib import import_module
 from importlib.resources import files
 from typing import Any
 
@@ -22,6 +24,9 @@ def context() -> Any:
     Raises:
         RuntimeError: moderngl or EGL is missing; the text names the packages to install.
     """
+    # triton, which torch loads late, brings an LLVM that crashes when it comes after the renderer's
+    with contextlib.suppress(ImportError):
+        import_module("triton")
     try:
         import moderngl
     except ImportError as error:

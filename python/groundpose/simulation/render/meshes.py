@@ -25,15 +25,25 @@ _ROWS = "4f 4f 4f 4f 4f 4f 4f/i"
 
 # Levels of detail, fine first: drawn pixels per metre from which a level is used, and what makes it.
 BODY_LEVELS = (
-    (60.0, 0.0),
-    (32.0, 0.03),
-    (16.0, 0.06),
-    (8.0, 0.12),
-    (0.0, 0.25),
+    (90.0, 0.0),
+    (45.0, 0.035),
+    (22.0, 0.08),
+    (10.0, 0.16),
+    (0.0, 0.3),
 )  # corners within these metres become one
-PROP_LEVELS = ((30.0, 1), (12.0, 3), (0.0, 8))  # of so many twigs one is drawn, larger
+PROP_LEVELS = ((50.0, 1), (22.0, 3), (10.0, 8), (0.0, 16))  # of so many twigs one is drawn, larger
 _LAID_ON = ("seam", "plate")
-_LEFT_OUT = {"underbody": 0.06, "seam": 0.12}  # cells from which a material is not seen
+_LEFT_OUT = {"underbody": 0.03, "seam": 0.08, "plate": 0.3}  # cells from which a material is not seen
+# What lies behind glass, turns or is small anyway has cells so many times larger than the panels.
+_COARSER = {
+    "interior": 4.0,
+    "seat": 3.0,
+    "metal": 2.0,
+    "rim": 1.7,
+    "tyre": 1.5,
+    "chrome": 1.5,
+    "plastic": 1.4,
+}
 # Faces with longer edges (metres) are cut: light worked out at corners must not skip a shadow.
 _LONGEST_EDGE = 0.35
 
@@ -183,7 +193,8 @@ def _cut(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
 
 def _clustered(vertices: Floats, faces: Faces, split: int, cell: float) -> Level:
     """Corners in a cell, of one material and about one direction, become one (Rossignac and Borrel, 1993)."""
-    place = np.floor(vertices[:, :3] / cell).astype(np.int64) + 1024
+    times = np.array([_COARSER.get(name, 1.0) for name in MATERIALS])[vertices[:, 9].astype(np.int64)]
+    place = np.floor(vertices[:, :3] / (cell * times[:, None])).astype(np.int64) + 1024
     facing = np.rint(vertices[:, 3:6] * 0.8).astype(np.int64) + 1
     spot = (place[:, 0] * 2048 + place[:, 1]) * 2048 + place[:, 2]
     # Thin pieces that lie on others must not sink into them.

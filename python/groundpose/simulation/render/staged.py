@@ -35,13 +35,11 @@ from groundpose.simulation.splits import body
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 
-_SHADOW_SIZE = 2048
-# Shadow maps: metres ahead of the camera, half width. Texels of 2 and 8 cm.
+_SHADOW_SIZE = 1024
+# Shadow maps: metres ahead of the camera, half width. Texels of 5 and 17 cm.
 _NEAR_SHADOW, _FAR_SHADOW = (16.0, 24.0), (65.0, 85.0)
 _SHADOW_DEPTH = 150.0
-# Level of detail of bodies and props that cast shadows.
-_CASTER, _LEAFY_CASTER = 1, 1
-_BODIES, _PROPS = 300, 64  # kept; 2 MB a body
+_BODIES, _PROPS = 700, 64  # kept; 2 MB a body
 
 
 @dataclass(eq=False)
@@ -207,7 +205,7 @@ class Stage:
     def _draw_casters(self, staged: Staged, clip: Doubles, texels_per_metre: float) -> None:
         for name in ("vehicle_depth", "prop_depth", "leaf_depth"):
             set_uniforms(self.programs[name], {"clip_from_world": np.ascontiguousarray(clip.T, dtype="f4")})
-        level = level_of(BODY_LEVELS, texels_per_metre)
+        level, prop_level = (level_of(table, texels_per_metre) for table in (BODY_LEVELS, PROP_LEVELS))
         for i in staged.vehicles.seen(clip).tolist():
             mesh = staged.vehicles.meshes[i]
             mesh.fill(staged.vehicles.rows[i : i + 1])
@@ -218,8 +216,8 @@ class Stage:
         for shown in groups.values():
             mesh = staged.props.meshes[shown[0]]
             mesh.fill(staged.props.rows[shown])
-            mesh.draw("prop_depth", len(shown), _LEAFY_CASTER)
-            mesh.draw("leaf_depth", len(shown), _LEAFY_CASTER, second=True)
+            mesh.draw("prop_depth", len(shown), prop_level)
+            mesh.draw("leaf_depth", len(shown), prop_level, second=True)
 
 
 def _placed(meshes: list[GpuMesh], rows: Floats, sizes: Floats | None = None) -> Doubles:

@@ -20,7 +20,7 @@ uniform sampler2D panorama;
 uniform sampler2D grain;          // four noises
 uniform sampler2DShadow shadow_map;
 
-const vec2 SHADOW_TEXEL = vec2(1.0 / 4096.0, 1.0 / 2048.0);
+const vec2 SHADOW_TEXEL = vec2(1.0 / 2048.0, 1.0 / 1024.0);
 const float PI = 3.14159265;
 const float KEPT = 512.0 / 288.0; // rows of a full panorama to rows kept
 
