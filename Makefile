@@ -1,6 +1,7 @@
 # Two commands do everything on a machine with Python 3.10+ and a Rust toolchain:
 #   make demo    build, estimate the bundled scene, draw it
 #   make test    all tests, lints, type checks and documentation examples
+# `make test-train` adds the tests of training and export (PyTorch, several GB).
 # `make results` measures again what docs/results.md says (half an hour on a quiet machine).
 
 PYTHON ?= python3
@@ -11,7 +12,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 export PROPTEST_RNG_SEED ?= 0
 RUST_SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src -name '*.rs')
 
-.PHONY: demo test test-rust test-python lint results clean
+.PHONY: demo test test-rust test-python test-train lint results clean
 
 demo: $(VENV)/installed
 	$(BIN)/groundpose demo
@@ -46,6 +47,11 @@ test-rust: $(BIN)/python
 
 test-python: $(VENV)/installed-dev
 	$(BIN)/pytest --quiet
+
+# what trains and exports networks: PyTorch is several GB, so this is apart
+test-train: $(VENV)/installed-dev
+	$(BIN)/pip install --quiet --editable '.[train]'
+	$(BIN)/pytest --quiet tests/python/test_training.py tests/python/test_training_streets.py tests/python/test_networks_measured.py
 
 results: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[rivals]'

@@ -7,11 +7,27 @@ from typing import Any
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose import demo_scene
 
 CAMERA = gp.Camera(1000.0, 990.0, 640.0, 360.0, image_size=(1280, 720))
 VIEW = gp.View(CAMERA, pitch=-0.02, roll=0.01)
-MODEL = gp.ShapeModel(demo_scene.body("car", 4.5, 1.5, 1.8), demo_scene.body_box(4.5, 1.5, 1.8), name="car")
+
+# One side of a sedan: forward (share of the length), up (share of the height), out (share of half the width).
+_SEDAN = (
+    *((0.49, 0.20, 0.90), (0.46, 0.50, 0.92), (0.20, 0.66, 0.90), (0.04, 0.99, 0.68)),
+    *((-0.22, 1.00, 0.68), (-0.38, 0.71, 0.86), (-0.48, 0.67, 0.90), (-0.50, 0.22, 0.92)),
+    *((0.29, 0.21, 1.00), (-0.29, 0.21, 1.00), (0.14, 0.70, 1.00), (-0.08, 0.68, 0.97)),
+)
+
+
+def sedan(length: float, height: float, width: float) -> gp.ShapeModel:
+    """A rigid model with 24 keypoints; its origin is on the ground below its middle."""
+    forward, up, out = np.array(_SEDAN).T
+    right = np.stack([0.5 * width * out, -height * up, length * forward], axis=1)
+    box = [[-0.5 * width, -height, -0.5 * length], [0.5 * width, 0.0, 0.5 * length]]
+    return gp.ShapeModel(np.concatenate([right * (-1.0, 1.0, 1.0), right]), box, name="car")
+
+
+MODEL = sedan(4.5, 1.5, 1.8)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ processor's cache, which is worth more than batching.
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,6 +18,7 @@ from torch import Tensor
 from groundpose._checks import FloatArray
 from groundpose.training.configs import AugmentConfig
 
+_DARKEST, _BRIGHTEST = 0.1, 0.65  # mean brightness that changes of light leave
 _GREY = np.array([0.299, 0.587, 0.114])
 
 
@@ -37,8 +39,9 @@ class Looks:
         for i in _some(rng, n, how.shade * how.tone):
             x[i].mul_(_shade(self._height, self._width, rng))
         if how.tone > 0.0:
-            gamma, matrix, offset = _tones(n, how.tone, rng)
-            x = x.mul_(1.0 / 255.0).clamp_(1e-4, 1.0).pow_(gamma[:, None, None, None])
+            x = x.mul_(1.0 / 255.0).clamp_(1e-4, 1.0)
+            gamma, matrix, offset = _tones(x.mean(dim=(1, 2, 3)).numpy(), how.tone, rng)
+            x = x.pow_(gamma[:, None, None, None])
             x = torch.baddbmm(offset[:, :, None], matrix, x.flatten(2)).reshape(x.shape)
         for i in _some(rng, n, how.sharpen):
             _sharper(x[i], float(rng.uniform(-0.7, 1.5)))
@@ -91,26 +94,32 @@ def _sharper(x: Tensor, amount: float) -> None:
     inner.mul_(1.0 + amount).sub_(soft, alpha=amount / 16.0)
 
 
-def _tones(n: int, strength: float, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
-    """gamma (N,), colour matrix (N, 3, 3) and offset (N, 3) of `matrix @ (value / 255) ** gamma + offset`.
+def _tones(
+    brightness: NDArray[np.floating[Any]], strength: float, rng: np.random.Generator
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Gamma (N,), colour matrix (N, 3, 3), offset (N, 3) of `matrix @ (value / 255) ** gamma + offset`, for
+    pictures of a mean brightness (N,), 0 to 1.
 
-    Gamma 0.4 to 2.7, a third darkened, a sixth blown out, contrast, a veil of coloured haze, desaturation,
-    white balance: the list that halved the error on real streets.
+    Gamma, darkening, blown-out lights, contrast, a veil of coloured haze, desaturation, white balance: what
+    halved the error on real streets. A picture stays between bounds where a person still sees the vehicle.
     """
-    gamma = np.exp(strength * rng.uniform(np.log(0.4), np.log(2.7), n))
+    n = len(brightness)
+    gamma = np.exp(strength * rng.uniform(np.log(0.5), np.log(2.1), n))
     dark = rng.random(n) < strength / 3.0
     bright = ~dark & (rng.random(n) < strength / 4.0)
-    gain = np.where(dark, rng.uniform(0.25, 0.8, n), np.exp(strength * rng.normal(0.0, 0.2, n)))
+    gain = np.where(dark, rng.uniform(0.3, 0.8, n), np.exp(strength * rng.normal(0.0, 0.2, n)))
     gain = np.where(bright, rng.uniform(1.2, 2.2, n), gain)
-    contrast = np.exp(strength * rng.normal(0.0, 0.25, n))
-    saturation = 1.0 - strength * rng.uniform(-0.3, 1.0, n) * (rng.random(n) < 0.7)
+    now = np.maximum(brightness, 0.02) ** gamma
+    gain = np.clip(gain, _DARKEST / now, np.maximum(_BRIGHTEST / now, _DARKEST / now))
+    contrast = np.exp(strength * rng.normal(0.0, 0.22, n))
+    saturation = 1.0 - strength * rng.uniform(-0.3, 1.0, n) * (rng.random(n) < 0.6)
     balance = np.exp(strength * rng.normal(0.0, 0.08, (n, 3)))
     veil = strength * rng.uniform(0.0, 0.5, n) * (rng.random(n) < 0.25)
     haze = rng.uniform(0.4, 1.0, (n, 1)) * np.exp(rng.normal(0.0, 0.05, (n, 3)))
     matrix = saturation[:, None, None] * np.eye(3) + (1.0 - saturation)[:, None, None] * _GREY
     matrix *= (gain * contrast * (1.0 - veil))[:, None, None] * balance[:, :, None]
-    # contrast turns about a middle grey
-    offset = (0.4 * gain * (1.0 - contrast) * (1.0 - veil))[:, None] + veil[:, None] * haze
+    # contrast turns about the picture's own grey
+    offset = (now * gain * (1.0 - contrast) * (1.0 - veil))[:, None] + veil[:, None] * haze
     return _tensor(gamma), _tensor(255.0 * matrix), _tensor(255.0 * offset)
 
 

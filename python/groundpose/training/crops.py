@@ -9,6 +9,7 @@ stopped goes on with the shards that are not there yet.
 
 from __future__ import annotations
 
+import copy
 import json
 import multiprocessing
 import os
@@ -213,6 +214,14 @@ class Crops:
         self._images = [np.load(_images(stem), mmap_mode="r") for stem in stems]
         self.labels: Records = np.concatenate([np.load(_labels(stem)) for stem in stems])[:limit]
         self._starts = np.cumsum([0, *(len(images) for images in self._images)])
+        self._rows: NDArray[np.intp] = np.arange(len(self.labels))
+
+    def of(self, rows: NDArray[np.intp], boxes: FloatArray) -> Crops:
+        """Some of the crops, as if boxes (n, 4) had been found around their vehicles."""
+        some = copy.copy(self)
+        some._rows, some.labels = self._rows[rows], self.labels[rows].copy()
+        some.labels["box"] = boxes
+        return some
 
     def __len__(self) -> int:
         """Number of crops."""
@@ -221,7 +230,8 @@ class Crops:
     def take(self, indices: NDArray[np.integer[Any]]) -> tuple[ByteArray, Records]:
         """Images (n, 3, height, width) and records (n,) of these crops."""
         images = np.empty((len(indices), 3, self.codec.height, self.codec.width), dtype=np.uint8)
-        shards = np.searchsorted(self._starts, indices, side="right") - 1
-        for i, (index, shard) in enumerate(zip(indices, shards, strict=True)):
+        rows = self._rows[indices]
+        shards = np.searchsorted(self._starts, rows, side="right") - 1
+        for i, (index, shard) in enumerate(zip(rows, shards, strict=True)):
             images[i] = self._images[shard][index - self._starts[shard]]
         return images, self.labels[indices]

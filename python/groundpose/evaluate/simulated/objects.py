@@ -108,17 +108,19 @@ def collect(count: int, seed: int) -> Objects:
     rows: list[Row] = []
     for number in itertools.count(0, EVERY):
         frame = scene(scene_seed(seed, SPLIT), number)
-        rows += [row for row in map(_row, labels(frame)) if _counts(row)]
+        rows += [row for row in map(row_of, labels(frame)) if counts(row)]
         if len(rows) >= count:
             return from_rows(frame.camera, rows[:count])
     raise AssertionError("itertools.count ends")
 
 
-def _row(label: Any) -> Row:
+def row_of(label: Any) -> Row:
+    """What is kept of a label of the drive."""
     return Row(**{f.name: getattr(label, f.name) for f in fields(Row)})
 
 
-def _counts(row: Row) -> bool:
+def counts(row: Row) -> bool:
+    """Whether KITTI would count it."""
     height = row.bbox[3] - row.bbox[1]
     return bool(
         height >= LEAST_HEIGHT_PX and row.occlusion <= MOST_OCCLUSION and row.truncation <= MOST_TRUNCATION

@@ -1,0 +1,97 @@
+"""`python -m groundpose.evaluate.networks.measure default=MODEL.onnx ... --crops data/crops`: docs/model.md.
+
+Costs of every network of the table, accuracy of the trained files named, poses from them, time of an object.
+What is measured already is kept unless --fresh; on a quiet machine, pinned to nothing, as times are of one
+and of two threads.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from groundpose.evaluate import report
+from groundpose.evaluate.networks import poses
+from groundpose.evaluate.networks.latency import cost
+from groundpose.evaluate.networks.page import write_page
+from groundpose.evaluate.real_data import data_folder
+from groundpose.keypoints.network import Network
+from groundpose.keypoints.pipeline import Pipeline
+from groundpose.training.configs import NETWORKS
+from groundpose.training.crops import Crops
+from groundpose.training.evaluate import answers
+from groundpose.training.streets import judge, streets, summary
+
+RESULTS = Path("results/networks.json")
+TRIALS = 50
+_TOLD = ("command", "training_seconds", "steps", "data", "weights")
+
+
+def main(
+    models: Annotated[list[str] | None, typer.Argument(help="NAME=FILE of trained networks.")] = None,
+    crops: Annotated[Path, typer.Option(help="Folder of crops with a test split.")] = Path("data/crops"),
+    seed: int = 0,
+    fresh: bool = False,
+) -> None:
+    """Measure what is missing and write results and page."""
+    found = {} if fresh else report.read_json(RESULTS)
+    found["command"] = "python -m groundpose.evaluate.networks.measure"
+    found |= {"versions": report.versions(), "machine": report.machine()}
+    screen = Console(stderr=True)
+    costs = found.setdefault("costs", {})
+    for name in NETWORKS:
+        if name not in costs and name != "toy":
+            screen.print(f"cost of {name}")
+            costs[name] = cost(name)
+            report.write_json(RESULTS, found)
+    for model in models or []:
+        name, _, path = model.partition("=")
+        screen.print(f"accuracy of {name}")
+        found.setdefault("trained", {})[name] = trained(Network(Path(path), 1), crops, seed)
+        report.write_json(RESULTS, found)
+    write_page(Path(), found)
+
+
+def trained(network: Network, folder: Path, seed: int) -> dict[str, Any]:
+    """Everything about one file."""
+    held_out = Crops(folder, poses.SPLIT)
+    said: dict[str, Any] = {name: network.metadata[name] for name in _TOLD if name in network.metadata}
+    said["data"] = json.loads(said["data"])
+    said["mb"] = network.path.stat().st_size / 1e6
+    said["held_out"] = answers(network.detect, held_out, network.codec).metrics(network.calibration)
+    said["poses"] = {
+        f"{experiment}, {boxes}": poses.measure(network, held_out, experiment, boxes, seed)
+        for experiment in ("G1", "G2")
+        for boxes in poses.BOXES
+    }
+    frames = data_folder() / "kitti" / "training"
+    if frames.is_dir():
+        pipeline = Pipeline(network)
+        said["streets"] = summary([judge(pipeline, street) for street in streets(frames)])
+    said["object_ms"] = object_times(network.path)
+    return said
+
+
+def object_times(path: Path) -> dict[str, float]:
+    """Milliseconds an object, one thread, image in memory to pose and shape, by step: medians over calls."""
+    from groundpose.demo import example
+
+    street = example()
+    pipeline = Pipeline(path, threads=1)
+    laps: list[dict[str, float]] = []
+    for _ in range(TRIALS):
+        start = time.perf_counter()
+        found = pipeline(street.image, street.bboxes, street.view)
+        laps.append({**found.seconds, "all": time.perf_counter() - start})
+    count = len(street.bboxes)
+    return {name: 1e3 * float(np.median([lap[name] for lap in laps])) / count for name in laps[0]}
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,85 @@
+"""Networks measured: their page, and that poses from true keypoints are the true poses."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="torch is not installed (extra [train])")
+pytest.importorskip("moderngl", reason="moderngl is not installed (extra [simulate])")
+from groundpose.evaluate.networks import page, poses
+from groundpose.evaluate.simulated.contest import contestants
+from groundpose.evaluate.simulated.errors import Errors
+from groundpose.keypoints.codec import Codec
+from groundpose.keypoints.decode import Calibration, Detections
+from groundpose.simulation.render import Renderer
+from groundpose.training.crops import Crops, write_crops
+from groundpose.training.rendered import rendered_samples
+from groundpose.vehicles import KINDS
+
+
+class KnowsAll:
+    """Stands in for a network: says what the labels say."""
+
+    codec = Codec(128, 96)
+    calibration = Calibration()
+
+    def __init__(self, crops: Crops) -> None:
+        self.labels = crops.labels
+        self.windows = self.codec.windows(crops.labels["box"].astype(float))
+
+    def detect(self, pictures):
+        n = len(pictures)
+        labels, windows = self.labels[:n], self.windows[:n]
+        self.labels, self.windows = self.labels[n:], self.windows[n:]
+        points = self.codec.crop_from_image(labels["keypoints"].astype(float), windows)
+        kinds = np.eye(len(KINDS))[labels["kind"]]
+        return Detections(points, np.full(points.shape[:2], 0.5), np.full(points.shape[:2], 0.9), kinds)
+
+
+@pytest.fixture(scope="module")
+def crops(tmp_path_factory):
+    try:
+        Renderer()
+    except RuntimeError as error:
+        pytest.skip(str(error))
+    folder = tmp_path_factory.mktemp("crops")
+    write_crops(folder, rendered_samples, "test", 6, frames_per_shard=3)
+    return Crops(folder, "test")
+
+
+def test_true_keypoints_give_the_true_poses(crops):
+    objects, rows = poses._truth(crops)
+    assert len(objects) > 5
+    same = crops.of(rows, objects.seen.bboxes)
+    given = poses.detected(KnowsAll(same), crops, "G1", "true boxes", 0)
+    np.testing.assert_allclose(given.keypoints_2d, objects.seen.keypoints_2d, atol=1e-3)
+    ours = next(c for c in contestants("G1") if c.name == "ours, default, scores as weights")
+    assert np.median(Errors.of(objects, ours(given)).e_r_deg) < 0.1
+
+
+def test_crops_as_if_other_boxes_had_been_found(crops):
+    rows = np.array([3, 1])
+    boxes = crops.labels["box"][rows] + 2.0
+    some = crops.of(rows, boxes)
+    images, labels = some.take(np.arange(2))
+    np.testing.assert_array_equal(labels["box"], boxes)
+    np.testing.assert_array_equal(images, crops.take(rows)[0])
+    assert not np.array_equal(crops.labels["box"][rows], boxes)
+
+
+def test_page_is_made_between_its_marks(tmp_path):
+    (tmp_path / "docs").mkdir()
+    path = tmp_path / page.PAGE
+    path.write_text("before <!-- measured: begin -->old<!-- measured: end --> after")
+    held_out = {"class_accuracy": 0.99, "error_px": 9.0, "error_px_visible": 5.0, "error_share": 0.03}
+    trained = {
+        "held_out": held_out | {"within_visible": 0.95},
+        "poses": {"G1, true boxes": {}},
+        "object_ms": {"crop": 0.1, "all": 1.0},
+    }
+    page.write_page(tmp_path, {"costs": {}, "trained": {"lite": trained}})
+    text = path.read_text()
+    assert text.startswith("before ")
+    assert text.endswith(" after")
+    assert "old" not in text
+    assert "| lite | 99 | 9 | 5 | 3 | 95 |" in text
+    page.write_page(tmp_path / "nowhere", {})
