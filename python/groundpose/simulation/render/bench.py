@@ -7,6 +7,7 @@ Run it pinned with one drawing thread (`LP_NUM_THREADS=1 taskset -c 1`) on a qui
 from __future__ import annotations
 
 import json
+import math
 import platform
 import resource
 import sys
@@ -21,6 +22,7 @@ from groundpose.keypoints.codec import Codec
 from groundpose.simulation.drive import scene
 from groundpose.simulation.render import Renderer, camera
 from groundpose.simulation.render.context import context
+from groundpose.simulation.render.renderer import OVERSAMPLED
 from groundpose.simulation.splits import bodies_of, body, scene_seed
 from groundpose.training.rendered import rendered_samples
 from groundpose.vehicles import KINDS
@@ -84,15 +86,16 @@ def frames(renderer: Renderer) -> dict[str, Any]:
 
 
 def antialiasing(renderer: Renderer) -> dict[str, Any]:
-    """One crop drawn with 4 samples a pixel, and at twice the width and height."""
+    """One crop drawn with 4 samples a pixel, and larger to be averaged."""
     made = scene(scene_seed(1), 0)
     window = camera.sampled_window((800.0, 450.0, 993.0, 594.0), (_CODEC.width, _CODEC.height))
     gl, staged = context(), renderer.stage(made)
-    size, fine = (window.width, window.height), (2 * window.width, 2 * window.height)
+    size = (window.width, window.height)
+    fine = tuple(math.ceil(OVERSAMPLED * n) for n in size)
     samples = gl.framebuffer(
         [gl.renderbuffer(size, 4, samples=4, dtype="f4")], gl.depth_renderbuffer(size, samples=4)
     )
-    double = gl.framebuffer([gl.renderbuffer(fine, 4, dtype="f4")], gl.depth_renderbuffer(fine))
+    larger = gl.framebuffer([gl.renderbuffer(fine, 4, dtype="f4")], gl.depth_renderbuffer(fine))
 
     def drawn(target: Any) -> float:
         times = []
@@ -103,7 +106,12 @@ def antialiasing(renderer: Renderer) -> dict[str, Any]:
             times.append(time.process_time() - start)
         return round(1e3 * float(np.median(times)), 1)
 
-    return {"window": list(size), "four_samples_ms": drawn(samples), "double_size_ms": drawn(double)}
+    return {
+        "window": list(size),
+        "four_samples_ms": drawn(samples),
+        "oversampled": OVERSAMPLED,
+        "oversampled_ms": drawn(larger),
+    }
 
 
 def _cpu(call: Callable[[], Any]) -> float:

@@ -29,9 +29,10 @@ def sampled_window(box: Box, size: tuple[int, int]) -> Window:
     left, top, right, bottom = box
     scale = min(1.0, max(size[0] / (right - left), size[1] / (bottom - top)))
     pitch = 1.0 / min(1.0, 1.1 * scale)
-    # Whole cells of the frame's own grid, one beyond the box on each side for the resampling.
-    x0, y0 = math.floor((left + 0.5) / pitch) - 1, math.floor((top + 0.5) / pitch) - 1
-    x1, y1 = math.ceil((right + 0.5) / pitch) + 1, math.ceil((bottom + 0.5) / pitch) + 1
+    # Whole pairs of cells of the frame's own grid (three drawn ones make two), one beyond the box on each
+    # side for the resampling.
+    x0, y0 = (2 * math.floor(((low + 0.5) / pitch - 1) / 2) for low in (left, top))
+    x1, y1 = (2 * math.ceil(((high + 0.5) / pitch + 1) / 2) for high in (right, bottom))
     edges = (x0 * pitch - 0.5, y0 * pitch - 0.5, x1 * pitch - 0.5, y1 * pitch - 0.5)
     return Window(*edges, x1 - x0, y1 - y0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,9 @@ from groundpose.simulation.scene import Scene
 Image = NDArray[np.uint8]
 Radiance = NDArray[np.float32]
 
-# Drawn at twice the width and height and averaged: on a CPU this costs less than four samples a pixel
-# (measured in results/renderer.json), and smooths textures and highlights too.
-_OVERSAMPLED = 2
+# Drawn at so many times the width and height and averaged: on a CPU this costs less than four samples a pixel
+# (measured in results/renderer.json), and smooths textures and highlights too. Twice looks the same.
+OVERSAMPLED = 1.5
 # Below this many drawn pixels per metre the faces of a body are hardly larger than a pixel: the light is
 # worked out at their corners, which costs a fraction of doing it for the pixels each of them touches.
 _CORNER_DENSITY = 110.0
@@ -43,7 +44,8 @@ class Renderer:
         self._stage = Stage()
         self._sky, self._contact = program("sky"), program("contact")
         self._sky_array = self._gl.vertex_array(self._sky, [])
-        self._average_array = self._gl.vertex_array(program("average"), [])
+        self._average = program("average")
+        self._average_array = self._gl.vertex_array(self._average, [])
         corners = np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)], dtype="f4")
         self._corner_buffer = self._gl.buffer(corners)
         self._targets: dict[tuple[int, int], tuple[Any, Any, Any]] = {}
@@ -112,6 +114,7 @@ class Renderer:
         self._gl.enable_only(self._gl.NOTHING)
         resolved.use()
         picture.use(0)
+        set_uniforms(self._average, {"size": (window.width, window.height)})
         self._average_array.render(vertices=3)
         data = resolved.read(components=3, dtype="f4", alignment=1)
         return np.frombuffer(data, np.float32).reshape(window.height, window.width, 3)
@@ -195,13 +198,14 @@ class Renderer:
         """Framebuffer to draw into, its texture, framebuffer of the averaged picture; kept by size."""
         found = self._targets.get((width, height))
         if found is None:
-            gl, fine = self._gl, (_OVERSAMPLED * width, _OVERSAMPLED * height)
+            gl, fine = self._gl, (math.ceil(OVERSAMPLED * width), math.ceil(OVERSAMPLED * height))
             if len(self._targets) >= 32:
                 for buffers in self._targets.values():
                     for buffer in buffers:
                         buffer.release()
                 self._targets.clear()
             picture = gl.texture(fine, 4, dtype="f4")
+            picture.repeat_x = picture.repeat_y = False
             drawn = gl.framebuffer([picture], gl.depth_renderbuffer(fine))
             found = (drawn, picture, gl.framebuffer([gl.renderbuffer((width, height), 4, dtype="f4")]))
             self._targets[width, height] = found
