@@ -11,21 +11,20 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 import groundpose as gp
 from groundpose.evaluate.scenes import Array, Scene
+from groundpose.formats.apollo import CAMERAS, IMAGE_SIZE, OURS_FROM_APOLLO, ApolloImage
 
 RELATIVE_THRESHOLD = 0.0375
 """Inlier threshold as a share of the longer box side (paper, sec. 4.2.2)."""
 # KITTI objects: x forward, y down, z left; ours: x right, y down, z forward
 OURS_FROM_KITTI = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
-# ApolloCar3D models: x left, y up, z forward
-OURS_FROM_APOLLO = np.diag([-1.0, -1.0, 1.0])
 KITTI_IMAGE = (1242, 375)
-APOLLO_IMAGE = (3384, 2710)
 APOLLO_TILT_DEG = 8.9
 APOLLO_FEWEST_KEYPOINTS = 8
 APOLLO_MODES = 5
@@ -59,6 +58,8 @@ class RealObjects:
     t: Array
     scale_known: bool
     """Whether the models have the true size, so that a distance can be right."""
+    frames: npt.NDArray[Any] | None = None
+    """(N,) the image of each object; None: not known."""
 
     def __len__(self) -> int:
         """Number of objects."""
@@ -150,22 +151,18 @@ def apollo(folder: Path, known_model: bool) -> RealObjects:
     `known_model`: each car's own model, or else the mean and modes of all 79. The tilt told is the data set's
     mean. FileNotFoundError when a file is not there.
     """
-    with np.load(folder / "apollo_models.npz") as data:
-        library = data["keypoints_3d"] @ OURS_FROM_APOLLO.T
+    library = apollo_library(folder / "apollo_models.npz")
     with np.load(folder / "apollo_cars_dev.npz") as data:
         labelled = data["kp"][..., 2] == 2
         kept = labelled.sum(axis=1) >= APOLLO_FEWEST_KEYPOINTS
         keypoints = np.where(labelled[..., None], data["kp"][..., :2], np.nan)[kept]
         left, top, width, height = data["bbox_xywh"][kept].T
         K, R, t, car = data["K"], data["R"][kept], data["t"][kept], data["car_id"][kept]
-    if known_model:
-        each = [gp.ShapeModel(points) for points in library]
-        models = [each[k] for k in car]
-    else:
-        models = [gp.ShapeModel.fit(library, modes=APOLLO_MODES)] * len(car)
-    camera = gp.Camera.from_K(K, image_size=APOLLO_IMAGE)
+        frames = data["image_id"][kept]
+    models = apollo_models(library, car.tolist(), known_model)
+    camera = gp.Camera.from_K(K, image_size=IMAGE_SIZE)
     return RealObjects(
-        name="ApolloCar3D, " + ("known models" if known_model else "shape basis of 79 models"),
+        name=_apollo_name(known_model),
         view=gp.View(camera, pitch=math.radians(APOLLO_TILT_DEG)),
         keypoints_2d=np.ascontiguousarray(keypoints),
         keypoint_scores=None,
@@ -174,4 +171,52 @@ def apollo(folder: Path, known_model: bool) -> RealObjects:
         R=R @ OURS_FROM_APOLLO.T,
         t=t,
         scale_known=known_model,
+        frames=frames,
     )
+
+
+def apollo_library(path: Path) -> Array:
+    """(79, 66, 3) metres, our object frame: keypoints of the car models, from `keypoints_3d` of an .npz."""
+    with np.load(path) as data:
+        return np.asarray(data["keypoints_3d"] @ OURS_FROM_APOLLO.T)
+
+
+def apollo_models(library: Array, cars: Sequence[int], known_model: bool) -> list[gp.ShapeModel]:
+    """What is told of each car: its own model of the library, or mean and modes of all."""
+    if not known_model:
+        return [gp.ShapeModel.fit(library, modes=APOLLO_MODES)] * len(cars)
+    each = {k: gp.ShapeModel(library[k]) for k in set(cars)}
+    return [each[k] for k in cars]
+
+
+def apollo_images(images: Sequence[ApolloImage], library: Array, known_model: bool) -> list[RealObjects]:
+    """Cars of the public set with enough labelled keypoints, one `RealObjects` a camera; see `apollo`."""
+    found = []
+    for camera in CAMERAS.values():
+        rows = [
+            (image.id, car)
+            for image in images
+            for car in image.cars
+            if image.camera is camera and np.isfinite(car.keypoints_2d[:, 0]).sum() >= APOLLO_FEWEST_KEYPOINTS
+        ]
+        if rows:
+            cars = [car for _, car in rows]
+            found.append(
+                RealObjects(
+                    name=_apollo_name(known_model),
+                    view=gp.View(camera, pitch=math.radians(APOLLO_TILT_DEG)),
+                    keypoints_2d=np.stack([car.keypoints_2d for car in cars]),
+                    keypoint_scores=None,
+                    bboxes=np.array([car.bbox for car in cars]),
+                    models=apollo_models(library, [car.car_id for car in cars], known_model),
+                    R=np.stack([car.R for car in cars]),
+                    t=np.stack([car.t for car in cars]),
+                    scale_known=known_model,
+                    frames=np.array([name for name, _ in rows]),
+                )
+            )
+    return found
+
+
+def _apollo_name(known_model: bool) -> str:
+    return "ApolloCar3D, " + ("known models" if known_model else "shape basis of 79 models")

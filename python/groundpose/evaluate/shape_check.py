@@ -15,10 +15,11 @@ from rich.progress import Progress
 
 import groundpose as gp
 from groundpose.evaluate import report
-from groundpose.evaluate.real_data import OURS_FROM_APOLLO, data_folder
+from groundpose.evaluate.real_data import data_folder
 from groundpose.evaluate.scenes import Array
 from groundpose.evaluate.shape_fit import Fit, fitted, mirrored, reached, rigidly_aligned
 from groundpose.evaluate.shape_page import write_page
+from groundpose.formats.apollo import OURS_FROM_APOLLO
 from groundpose.vehicles import KINDS, drawing, shape_model
 from groundpose.vehicles.make_models import BODIES, outlines
 

@@ -1,4 +1,4 @@
-"""Frames as JSON: what `groundpose estimate` reads and writes.
+"""Frames as JSON: what `groundpose estimate` reads.
 
 A frame is one object, in a file of its own or on one line of a JSON-lines file::
 
@@ -27,12 +27,11 @@ A frame is one object, in a file of its own or on one line of a JSON-lines file:
 
 Metres and pixels; object x right, y down, z forward. In JSON lines a model is known to all later
 lines. Paths are relative to the file. Members that begin with `_` are notes; other unknown members
-are errors. `pose_record` says what is written.
+are errors. `formats.records` says what is written.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -54,14 +53,14 @@ BUNDLED = "bundled:"
 
 _CAMERA = ("fx", "fy", "cx", "cy", "distortion", "image_size")
 _MODEL = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues", "footprint")
-_OBJECT = ("id", "model", "keypoints_2d", "keypoint_scores", "bbox", "truth")
-_TILT = ("pitch_deg", "roll_deg", "gravity", "camera_height")
-_FRAME = ("id", "camera", *_TILT, "image", "models", "objects")
+OBJECT_MEMBERS = ("id", "model", "keypoints_2d", "keypoint_scores", "bbox", "truth")
+TILT_MEMBERS = ("pitch_deg", "roll_deg", "gravity", "camera_height")
+FRAME_MEMBERS = ("id", "camera", *TILT_MEMBERS, "image", "models", "objects")
 
 
 @dataclass(frozen=True)
 class FrameObject:
-    """One object of a frame; arrays as in `estimate_poses`, `truth` = `(R, t)`."""
+    """One object of a frame; arrays as in `estimate_poses`, `truth` = `(R, t)`, `score` of its detector."""
 
     id: str | int
     model: str
@@ -69,6 +68,7 @@ class FrameObject:
     keypoint_scores: list[float] | None
     bbox: list[float] | None
     truth: tuple[FloatArray, FloatArray] | None
+    score: float | None = None
 
 
 @dataclass(frozen=True)
@@ -82,13 +82,16 @@ class Frame:
     objects: tuple[FrameObject, ...]
     models: tuple[ShapeModel, ...]
 
-    def estimate(self, options: Options, threads: int | None = None) -> PoseBatch:
+    def estimate(
+        self, options: Options, threads: int | None = None, frame_tilt_sigma: float | None = None
+    ) -> PoseBatch:
         """`estimate_poses` of the frame's objects."""
         objects, scores = self.objects, None
         if any(o.keypoint_scores is not None for o in objects):
             scores = [o.keypoint_scores or np.ones(len(o.keypoints_2d)) for o in objects]
         keypoints, bboxes = [o.keypoints_2d for o in objects], [o.bbox for o in objects]
-        return estimate_poses(self.view, keypoints, bboxes, self.models, scores, options, threads)
+        given = (self.view, keypoints, bboxes, self.models, scores, options, threads)
+        return estimate_poses(*given, frame_tilt_sigma=frame_tilt_sigma)
 
     @property
     def truth(self) -> tuple[FloatArray, FloatArray] | None:
@@ -163,11 +166,11 @@ def read_frame(
 
     Raises InputError naming the place and the field.
     """
-    root.members(_FRAME)
+    root.members(FRAME_MEMBERS)
     models = {} if models is None else models
     if field := root.get("models"):
         models.update({name: _model(entry, folder) for name, entry in field.entries()})
-    view = _view(root)
+    view = read_view(root)
     items = root.need("objects").items()
     objects = tuple(_object(item, i, models) for i, item in enumerate(items))
     image, name = root.get("image"), root.get("id")
@@ -181,8 +184,9 @@ def read_frame(
     )
 
 
-def _view(root: Field) -> View:
-    camera = _camera(root.need("camera"))
+def read_view(root: Field) -> View:
+    """Camera and tilt of an object that has them as a frame does. Raises InputError."""
+    camera = read_camera(root.need("camera"))
     gravity, height = root.get("gravity"), root.get("camera_height")
     angles = [angle for name in ("pitch_deg", "roll_deg") if (angle := root.get(name))]
     metres = height.number() if height else None
@@ -197,7 +201,8 @@ def _view(root: Field) -> View:
         return View(camera, radians.get("pitch_deg", 0.0), radians.get("roll_deg", 0.0), metres)
 
 
-def _camera(field: Field) -> Camera:
+def read_camera(field: Field) -> Camera:
+    """A camera. Raises InputError."""
     field.members(_CAMERA)
     fx, fy, cx, cy = (field.need(name).number() for name in ("fx", "fy", "cx", "cy"))
     coefficients, size = field.get("distortion"), field.get("image_size")
@@ -240,7 +245,7 @@ def _model(field: Field, folder: Path) -> ShapeModel:
 
 
 def _object(field: Field, index: int, models: dict[str, ShapeModel]) -> FrameObject:
-    field.members(_OBJECT)
+    field.members(OBJECT_MEMBERS)
     name = _model_name(field, models)
     count = len(models[name].keypoints_3d)
     points = field.need("keypoints_2d")
@@ -254,7 +259,7 @@ def _object(field: Field, index: int, models: dict[str, ShapeModel]) -> FrameObj
         keypoints_2d=np.array(rows).reshape(count, 2),
         keypoint_scores=scores.numbers(count) if scores else None,
         bbox=box.numbers(4, unknown=True) if box else None,
-        truth=_truth(truth) if truth else None,
+        truth=read_truth(truth) if truth else None,
     )
 
 
@@ -271,40 +276,11 @@ def _pixel(field: Field) -> list[float]:
     return [math.nan, math.nan] if field.value is None else field.numbers(2, unknown=True)
 
 
-def _truth(field: Field) -> tuple[FloatArray, FloatArray]:
+def read_truth(field: Field) -> tuple[FloatArray, FloatArray]:
+    """A pose `(R, t)`. Raises InputError."""
     field.members(("R", "t"))
     rotation = field.need("R")
     R = np.array(rotation.rows(3))
     if R.shape != (3, 3) or np.abs(R @ R.T - np.eye(3)).max() > 1e-3 or np.linalg.det(R) < 0.0:
         rotation.fail("a rotation matrix, 3 rows of 3")
     return R, np.array(field.need("t").numbers(3))
-
-
-# What is written of a pose, in this order, after the object's id and model.
-_RECORD = (
-    *("status", "R", "t", "yaw", "inlier_count", "inlier_mask", "inlier_threshold", "residuals"),
-    *("reprojection_rmse", "noise_sigma", "score", "log10_nfa", "ambiguity", "confidence"),
-    *("covariance", "shape_coefficients", "shape_covariance"),
-    *("solver", "iterations", "hypotheses", "stop_reason"),
-)
-
-
-def pose_record(frame: Frame, poses: PoseBatch) -> str:
-    """One JSON line: `{"id": ..., "objects": [{"id", "model", "status", "R", "t", "yaw", ...}]}`.
-
-    The members of an object are the fields of `Pose` of the same names; NaN is null.
-    """
-    objects = [
-        {"id": o.id, "model": o.model, **{name: _plain(getattr(pose, name)) for name in _RECORD}}
-        for o, pose in zip(frame.objects, poses, strict=True)
-    ]
-    return json.dumps({"id": frame.id, "objects": objects}, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    """Arrays as lists and numbers that JSON cannot hold as None."""
-    if isinstance(value, np.ndarray):
-        return [_plain(x) for x in value.tolist()] if value.ndim else value.item()
-    if isinstance(value, list):
-        return [_plain(x) for x in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

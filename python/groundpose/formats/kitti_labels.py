@@ -1,22 +1,35 @@
-"""KITTI's object labels and calibration files: `label_2/NNNNNN.txt` and `calib/NNNNNN.txt`.
+"""KITTI's object labels, results, tracking labels and calibration files.
 
 One line an object: type, truncated, occluded, alpha, bbox (4), height, width, length, x, y, z of the bottom
-centre, rotation_y; metres, radians, camera frame.
+centre, rotation_y; metres, radians, frame of camera 0. Results add a score, tracking labels begin with frame
+and track. Where the development kits write -1, -10 or -1000 for what is not known, so do these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from groundpose._checks import input_error
+from groundpose.formats.skips import Skips
 from groundpose.types import Camera
 
+TYPES = (
+    *("Car", "Van", "Truck", "Pedestrian", "Person_sitting", "Person", "Cyclist", "Tram", "Misc"),
+    "DontCare",
+)
+DONT_CARE = "DontCare"
+TYPE_OF = {"car": "Car", "van_bus": "Van", "pickup": "Car", "box_truck": "Truck"}
+"""KITTI's class of each of ours: it counts pickups as cars."""
 _NUMBERS = 14
+_TRACKING_COLUMNS = 2
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -33,34 +46,124 @@ class KittiLabel:
     length: float
     location: tuple[float, float, float]
     rotation_y: float
+    score: float | None = None
+    """Of a result; None in labels."""
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether size and place are known: not for regions to ignore and 2D detections."""
+        return min(self.height, self.width, self.length) > 0.0 and self.location[2] > -100.0
+
+
+@dataclass(frozen=True)
+class TrackedLabel:
+    """A line of a tracking label file."""
+
+    frame: int
+    track: int
+    label: KittiLabel
 
 
 def format_labels(labels: Iterable[KittiLabel]) -> str:
-    """The text of a label file."""
+    """The text of a label or, with scores, of a result file."""
     return "".join(_line(label) for label in labels)
+
+
+def format_tracking(rows: Iterable[TrackedLabel]) -> str:
+    """The text of a tracking label file."""
+    return "".join(f"{row.frame} {row.track} {_line(row.label)}" for row in rows)
 
 
 def _line(label: KittiLabel) -> str:
     size = (label.height, label.width, label.length)
     numbers = (label.alpha, *label.bbox, *size, *label.location, label.rotation_y)
     text = " ".join(f"{value:.4f}" for value in numbers)
-    return f"{label.type} {label.truncated:.2f} {label.occluded} {text}\n"
+    score = "" if label.score is None else f" {label.score:.4f}"
+    return f"{label.type} {label.truncated:.2f} {label.occluded} {text}{score}\n"
 
 
-def read_labels(path: str | PathLike[str]) -> list[KittiLabel]:
-    """The labels of a file. Raises OSError (no such file), InputError naming the line that is none."""
-    found = []
-    for number, line in enumerate(Path(path).read_text(encoding="utf-8").splitlines(), 1):
-        name, *values = line.split() or [""]
-        try:
-            n = [float(x) for x in values]
-        except ValueError:
-            n = []
-        if len(n) != _NUMBERS:
-            raise input_error(f"{path}:{number}", f"a type and {_NUMBERS} numbers", repr(line))
-        box, place = (n[3], n[4], n[5], n[6]), (n[10], n[11], n[12])
-        found.append(KittiLabel(name, n[0], int(n[1]), n[2], box, n[7], n[8], n[9], place, n[13]))
+def read_labels(path: str | PathLike[str], skipped: Skips | None = None) -> list[KittiLabel]:
+    """The labels or results of a file.
+
+    Args:
+        path: the file; line ends may be those of Windows, empty lines are nothing.
+        skipped: takes lines that cannot be used, and the others are read; None: the first one is an error.
+
+    Raises:
+        OSError: no such file. InputError: a line that is none, with file and line.
+    """
+    return list(_each(path, skipped, label_of))
+
+
+def read_tracking(path: str | PathLike[str], skipped: Skips | None = None) -> dict[int, list[TrackedLabel]]:
+    """The labels of a tracking sequence by frame; see `read_labels`. A track twice in a frame is left out
+    but for the first time."""
+    found: dict[int, list[TrackedLabel]] = {}
+    seen: set[tuple[int, int]] = set()
+    for number, row in enumerate(_each(path, skipped, _tracked), 1):
+        if row.track >= 0 and (row.frame, row.track) in seen:
+            place = f"{path}: track {row.track} of frame {row.frame} (object {number} of the file)"
+            if skipped is None:
+                raise input_error(place, "each track once a frame", "twice")
+            skipped.add("duplicate track", place)
+            continue
+        seen.add((row.frame, row.track))
+        found.setdefault(row.frame, []).append(row)
     return found
+
+
+def _each(path: str | PathLike[str], skipped: Skips | None, parse: Callable[[str], T]) -> Iterator[T]:
+    text = Path(path).read_text(encoding="utf-8", errors="surrogateescape")
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            yield parse(line)
+        except _BadLineError as bad:
+            if skipped is None:
+                raise input_error(f"{path}:{number}", bad.expected, repr(line)) from None
+            skipped.add(bad.reason, f"{path}:{number}: {line.strip()[:60]!r}")
+
+
+class _BadLineError(Exception):
+    def __init__(self, reason: str, expected: str) -> None:
+        super().__init__(reason)
+        self.reason, self.expected = reason, expected
+
+
+_COUNT = f"a type and {_NUMBERS} numbers"
+
+
+def label_of(line: str) -> KittiLabel:
+    """One line that is not empty."""
+    name, *values = line.split()
+    if len(values) < _NUMBERS:
+        raise _BadLineError("cut-off line", _COUNT)
+    if len(values) > _NUMBERS + 1:
+        raise _BadLineError("too many values", f"{_COUNT}, or one more in results")
+    try:
+        n = [float(x) for x in values]
+        occluded = int(n[1])
+    except (ValueError, OverflowError):
+        raise _BadLineError("not a number", _COUNT) from None
+    if not all(map(math.isfinite, n)):
+        raise _BadLineError("not a finite number", f"{_COUNT}, all finite")
+    if name not in TYPES:
+        raise _BadLineError("unknown class", f"one of {', '.join(TYPES)}")
+    box, place = (n[3], n[4], n[5], n[6]), (n[10], n[11], n[12])
+    score = n[14] if len(n) > _NUMBERS else None
+    return KittiLabel(name, n[0], occluded, n[2], box, n[7], n[8], n[9], place, n[13], score)
+
+
+def _tracked(line: str) -> TrackedLabel:
+    head = line.split(maxsplit=_TRACKING_COLUMNS)
+    if len(head) <= _TRACKING_COLUMNS:
+        raise _BadLineError("cut-off line", f"frame, track, {_COUNT}")
+    try:
+        frame, track = int(head[0]), int(head[1])
+    except ValueError:
+        raise _BadLineError("not a number", f"frame, track, {_COUNT}") from None
+    return TrackedLabel(frame, track, label_of(head[2]))
 
 
 def format_calibration(camera: Camera) -> str:

@@ -1,0 +1,99 @@
+"""Poses in the terms of other libraries: 4 x 4 matrices, rotation vectors, KITTI's numbers, and back.
+
+All arrays lead with the N objects; an object without an answer is NaN throughout.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from groundpose._checks import FloatArray, shaped
+
+if TYPE_CHECKING:
+    from groundpose.poses import PoseBatch
+
+_SMALL = 1e-6
+
+
+def to_matrices(R: object, t: object) -> FloatArray:
+    """camera_from_object (N, 4, 4) of `R` (N, 3, 3) and `t` (N, 3)."""
+    rotations = shaped("R", R, ("N", 3, 3))
+    places = shaped("t", t, (len(rotations), 3))
+    out = np.zeros((len(rotations), 4, 4))
+    out[:, :3, :3], out[:, :3, 3], out[:, 3, 3] = rotations, places, 1.0
+    out[np.isnan(places).any(axis=1)] = np.nan
+    return out
+
+
+def from_matrices(matrices: object) -> tuple[FloatArray, FloatArray]:
+    """`(R, t)` of (N, 4, 4); the inverse of `to_matrices`."""
+    given = shaped("matrices", matrices, ("N", 4, 4))
+    return given[:, :3, :3].copy(), given[:, :3, 3].copy()
+
+
+def to_quaternions(R: object) -> FloatArray:
+    """Unit quaternions w, x, y, z (N, 4) with w >= 0 of rotations (N, 3, 3).
+
+    The eigenvector of the largest eigenvalue of a symmetric matrix (Bar-Itzhack, 2000): as exact for half
+    turns as for none.
+    """
+    given = shaped("R", R, ("N", 3, 3))
+    good = np.asarray(np.isfinite(given).all(axis=(1, 2)))
+    m = np.where(good[:, None, None], given, np.eye(3))
+    K = np.zeros((len(m), 4, 4))
+    K[:, :3, :3] = m + np.swapaxes(m, 1, 2) - np.trace(m, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    K[:, 3, 3] = np.trace(m, axis1=1, axis2=2)
+    axes = np.stack([m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]], axis=1)
+    K[:, :3, 3] = K[:, 3, :3] = axes
+    best = np.linalg.eigh(K)[1][:, :, -1][:, [3, 0, 1, 2]]
+    best *= np.where(best[:, :1] < 0.0, -1.0, 1.0)
+    return np.where(good[:, None], best, np.nan)
+
+
+def to_rvec_tvec(R: object, t: object) -> tuple[FloatArray, FloatArray]:
+    """OpenCV's rotation vectors (N, 3), of angle 0 to pi, and translations (N, 3)."""
+    q = to_quaternions(R)
+    sine = np.linalg.norm(q[:, 1:], axis=1)
+    angle = 2.0 * np.arctan2(sine, q[:, 0])
+    factor = np.divide(angle, sine, out=np.full(len(q), 2.0), where=sine > 0.0)
+    return q[:, 1:] * factor[:, None], shaped("t", t, (len(q), 3)).copy()
+
+
+def from_rvec_tvec(rvec: object, tvec: object) -> tuple[FloatArray, FloatArray]:
+    """`(R, t)` of OpenCV's vectors (N, 3) and (N, 3), or (N, 3, 1) as OpenCV gives them."""
+    vectors = shaped("rvec", rvec, ("N", 3), ("N", 3, 1)).reshape(-1, 3)
+    places = shaped("tvec", tvec, (len(vectors), 3), (len(vectors), 3, 1)).reshape(-1, 3)
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    safe = np.where(angle > _SMALL, angle, 1.0)
+    first = np.where(angle > _SMALL, np.sin(safe) / safe, 1.0)
+    second = np.where(angle > _SMALL, (1.0 - np.cos(safe)) / safe**2, 0.5)
+    return np.eye(3) + first * cross + second * (cross @ cross), places.copy()
+
+
+def to_kitti(poses: PoseBatch, offset: object = (0.0, 0.0, 0.0)) -> FloatArray:
+    """(N, 8): height, width, length, x, y, z of the bottom centre, rotation_y, alpha of each answer.
+
+    `offset`: see `groundpose.formats.kitti.results`.
+    """
+    from groundpose.formats.kitti import results  # stands beside this file and needs it not
+
+    out = np.full((len(poses), 8), np.nan)
+    for row, result, ok in zip(out, results(poses, offset=offset), poses.ok, strict=True):
+        if ok:
+            size = (result.height, result.width, result.length)
+            row[:] = (*size, *result.location, result.rotation_y, result.alpha)
+    return out
+
+
+def from_kitti(rows: object, offset: object = (0.0, 0.0, 0.0)) -> tuple[FloatArray, FloatArray]:
+    """`(R, t)` of upright objects whose origin is the bottom centre, from the rows of `to_kitti` (N, 8)."""
+    from groundpose.formats.kitti import R_from_rotation_y
+
+    given = shaped("rows", rows, ("N", 8))
+    R = np.array([R_from_rotation_y(angle) for angle in given[:, 6]]).reshape(-1, 3, 3)
+    return R, given[:, 3:6] + shaped("offset", offset, (3,))

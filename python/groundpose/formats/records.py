@@ -1,0 +1,59 @@
+"""Poses as JSON: the lines that `groundpose estimate` writes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from groundpose.formats.frames import Frame
+from groundpose.poses import PoseBatch
+from groundpose.types import View
+
+# What is written of a pose, in this order, after the object's id and model.
+_RECORD = (
+    *("status", "R", "t", "yaw", "inlier_count", "inlier_mask", "inlier_threshold", "residuals"),
+    *("reprojection_rmse", "noise_sigma", "score", "log10_nfa", "ambiguity", "confidence"),
+    *("covariance", "shape_coefficients", "shape_covariance"),
+    *("solver", "iterations", "hypotheses", "stop_reason"),
+)
+
+
+def pose_record(
+    frame: Frame,
+    poses: PoseBatch,
+    more: Mapping[str, Any] | None = None,
+    each: Sequence[Mapping[str, Any]] | None = None,
+) -> str:
+    """One JSON line: `{"id": ..., "objects": [{"id", "model", "status", "R", "t", "yaw", ...}]}`.
+
+    The members of an object are the fields of `Pose` of the same names; NaN is null. `more` are further
+    members of the line and `each` of its objects, written before the pose.
+    """
+    objects = [
+        {
+            "id": o.id,
+            "model": o.model,
+            **{name: _plain(value) for name, value in extra.items()},
+            **{name: _plain(getattr(pose, name)) for name in _RECORD},
+        }
+        for o, pose, extra in zip(frame.objects, poses, each or [{}] * len(poses), strict=True)
+    ]
+    return json.dumps({"id": frame.id, **(more or {}), "objects": objects}, allow_nan=False)
+
+
+def tilt_members(view: View) -> dict[str, float]:
+    """The tilt of a view as frames have it."""
+    return {"pitch_deg": math.degrees(view.pitch), "roll_deg": math.degrees(view.roll)}
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists and numbers that JSON cannot hold as None."""
+    if isinstance(value, np.ndarray):
+        return [_plain(x) for x in value.tolist()] if value.ndim else value.item()
+    if isinstance(value, list):
+        return [_plain(x) for x in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
