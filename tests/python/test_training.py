@@ -317,16 +317,30 @@ def _check_files(folder, data):
     assert (said["width"], said["height"], said["margin"], said["weights"]) == ("128", "96", "0.1", "int8")
 
 
-def test_float32_export_is_the_network_to_the_bit_almost(tmp_path):
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_float32_export_is_the_network_to_the_bit_almost(tmp_path, mirrored):
     from groundpose.keypoints.decode import Calibration
     from groundpose.training.export import export, metadata
 
     torch.manual_seed(0)
     network = networks.folded(networks.KeypointNetwork(configs.NETWORKS["toy"]))
     index = {"source": "none", "seed": 0, "version": 1}
-    export(network, tmp_path / "n.onnx", metadata(Codec(), Calibration(), "", index, {}, {}), half=False)
+    said = metadata(Codec(), Calibration(), "", index, {}, {})
+    export(network, tmp_path / "n.onnx", said, half=False, mirrored=mirrored)
     pictures = np.random.default_rng(0).integers(0, 256, (3, 96, 128, 3), dtype=np.uint8)
-    ours, theirs = loop.detector(network)(pictures), Network(tmp_path / "n.onnx", threads=1).detect(pictures)
+    ours = loop.detector(network, mirrored)(pictures)
+    theirs = Network(tmp_path / "n.onnx", threads=1).detect(pictures)
     np.testing.assert_allclose(theirs.keypoints, ours.keypoints, atol=3e-4)
     np.testing.assert_allclose(theirs.spread, ours.spread, atol=3e-4)
     np.testing.assert_allclose(theirs.kind_probabilities, ours.kind_probabilities, atol=1e-5)
+
+
+def test_with_mirror_images_a_mirrored_crop_has_the_mirrored_answer():
+    torch.manual_seed(0)
+    detect = loop.detector(networks.folded(networks.KeypointNetwork(configs.NETWORKS["toy"])), mirrored=True)
+    pictures = np.random.default_rng(0).integers(0, 256, (3, 96, 128, 3), dtype=np.uint8)
+    there, back = detect(pictures), detect(np.ascontiguousarray(pictures[:, :, ::-1]))
+    expected = (there.keypoints * [-1.0, 1.0] + [127.0, 0.0])[:, flip_indices()]
+    np.testing.assert_allclose(back.keypoints, expected, atol=1e-3)
+    np.testing.assert_allclose(back.spread, there.spread[:, flip_indices()], atol=1e-3)
+    np.testing.assert_allclose(back.kind_probabilities, there.kind_probabilities, atol=1e-5)

@@ -31,15 +31,21 @@ QUANTISED = ("Conv", "ConvTranspose", "Add", "Relu", "Resize", "MaxPool")
 class _Graph(nn.Module):
     """What the file computes: bytes (N, height, width, 3) to the four outputs."""
 
-    def __init__(self, network: KeypointNetwork) -> None:
+    def __init__(self, network: KeypointNetwork, mirrored: bool) -> None:
         super().__init__()
-        self.network = network
+        self.network, self.mirrored = network, mirrored
 
     def forward(self, crops: Tensor) -> Decoded:
-        return self.network.decode(self.network(crops.permute(0, 3, 1, 2).float()))
+        return self.network.detect(crops.permute(0, 3, 1, 2).float(), self.mirrored)
 
 
-def export(network: KeypointNetwork, path: Path, metadata: dict[str, str], half: bool = True) -> None:
+def export(
+    network: KeypointNetwork,
+    path: Path,
+    metadata: dict[str, str],
+    half: bool = True,
+    mirrored: bool = False,
+) -> None:
     """Write a network with folded normalisations as ONNX.
 
     Args:
@@ -47,13 +53,14 @@ def export(network: KeypointNetwork, path: Path, metadata: dict[str, str], half:
         path: the file.
         metadata: see `metadata`.
         half: store the weights as float16; they are cast when the file is loaded.
+        mirrored: average with the mirror image's maps: twice the time, fewer wrong keypoints.
     """
     example = torch.zeros(2, network.config.height, network.config.width, 3, dtype=torch.uint8)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the exporter, about its own future
         program = torch.onnx.export(
-            _Graph(network).eval(),
+            _Graph(network, mirrored).eval(),
             (example,),
             input_names=["crops"],
             output_names=list(OUTPUTS),

@@ -225,14 +225,14 @@ def trained(folder: Path) -> tuple[KeypointNetwork, TrainConfig, dict[str, Any]]
     return folded(network), config, content
 
 
-def detector(network: KeypointNetwork) -> Callable[[ByteArray], Detections]:
+def detector(network: KeypointNetwork, mirrored: bool = False) -> Callable[[ByteArray], Detections]:
     """The network as it is, called as an exported one is."""
 
     def detect(crops: ByteArray) -> Detections:
         network.eval()
         with torch.no_grad():
             pixels = torch.from_numpy(crops).permute(0, 3, 1, 2).float()
-            decoded = network.decode(network(pixels))
+            decoded = network.detect(pixels, mirrored)
         return Detections(*(value.double().numpy() for value in decoded))
 
     return detect

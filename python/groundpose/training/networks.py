@@ -13,7 +13,7 @@ from torch.nn import functional
 
 from groundpose.keypoints.codec import MEAN, STD, crop_from_cell
 from groundpose.training.configs import NetworkConfig
-from groundpose.vehicles.keypoints import KEYPOINTS, KINDS
+from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices
 
 
 class Raw(NamedTuple):
@@ -139,6 +139,7 @@ class KeypointNetwork(nn.Module):
     """Backbone and two heads of a `NetworkConfig`."""
 
     cell_x: Tensor
+    partner: Tensor
     cell_y: Tensor
     mean: Tensor
     std: Tensor
@@ -170,6 +171,7 @@ class KeypointNetwork(nn.Module):
         for name, pixels in (("cell_x", config.width), ("cell_y", config.height)):
             centres = crop_from_cell(np.arange(pixels / self.stride), self.stride)
             self.register_buffer(name, torch.tensor(centres, dtype=torch.float32), persistent=False)
+        self.register_buffer("partner", torch.from_numpy(flip_indices()), persistent=False)
         self.register_buffer("mean", torch.tensor(MEAN).reshape(1, 3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(STD).reshape(1, 3, 1, 1), persistent=False)
 
@@ -181,6 +183,15 @@ class KeypointNetwork(nn.Module):
             x = stage(x)
             stages.append(x)
         return Raw(self.head(stages), self.classes(x.mean(dim=(2, 3))))
+
+    def detect(self, crops: Tensor, mirrored: bool = False) -> Decoded:
+        """The decoded answer; `mirrored`: of the mean with the maps of the crops' mirror images."""
+        raw: Raw = self(crops)
+        if mirrored:
+            other: Raw = self(crops.flip(3))
+            maps = other.maps.flip(3)[:, self.partner]
+            raw = Raw(0.5 * (raw.maps + maps), 0.5 * (raw.logits + other.logits))
+        return self.decode(raw)
 
     def decode(self, raw: Raw) -> Decoded:
         """Softargmax (mean of the map read as a distribution), its spread and its peak."""

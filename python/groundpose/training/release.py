@@ -35,6 +35,7 @@ def release(
     path: Path,
     *,
     int8: Path | None = None,
+    mirrored: bool = False,
     command: str = "",
     limit: int | None = None,
 ) -> Released:
@@ -43,6 +44,7 @@ def release(
     Args:
         run: folder of the run. data: folder of crops.
         path: ONNX file to write. int8: another one, quantised, if wanted.
+        mirrored: see `export`.
         command: that trained it, for the file to tell.
         limit: most crops to calibrate and to judge on.
 
@@ -54,16 +56,18 @@ def release(
     network, _, content = trained(run)
     codec = Codec(network.config.width, network.config.height)
     validation = Crops(data, "validation", limit)
-    calibration = answers(detector(network), validation, codec).calibration()
+    detect = detector(network, mirrored)
+    calibration = answers(detect, validation, codec).calibration()
     judged = Crops(data, "test", limit) if any(data.glob("test-*-labels.npy")) else validation
-    metrics = answers(detector(network), judged, codec).metrics(calibration)
+    metrics = answers(detect, judged, codec).metrics(calibration)
     said = metadata(codec, calibration, command, content["data"], content["config"], metrics)
     said |= {
+        "mirrored": str(mirrored).lower(),
         "steps": f"{content['step']} of {content['steps']}",
         "training_seconds": f"{content['seconds']:.0f}",
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    export(network, path, said)
+    export(network, path, said, mirrored=mirrored)
     if int8 is None:
         return Released(path, metrics, None, {})
     quantise(path, int8, _pictures(Crops(data, "train", RANGES), codec))
