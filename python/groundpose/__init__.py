@@ -10,7 +10,9 @@ Frames: camera x right, y down, z forward; object x right, y down, z forward (it
 `X_camera = R @ X_object + t`. Metres, pixels, radians (a degree carries `_deg`).
 """
 
+from importlib import import_module
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 from groundpose._core import InputError, build_info
 from groundpose.estimate import estimate_poses
@@ -18,17 +20,43 @@ from groundpose.poses import Pose, PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import Camera, Options, View
 
+if TYPE_CHECKING:
+    from groundpose.keypoints.network import Network
+    from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+
 __version__ = version("groundpose")
+
+# What needs onnxruntime and the vehicles' models is imported when it is first asked for.
+_LAZY = {
+    "Network": "groundpose.keypoints.network",
+    "Pipeline": "groundpose.keypoints.pipeline",
+    "VehiclePoses": "groundpose.keypoints.pipeline",
+}
 
 __all__ = [
     "Camera",
     "InputError",
+    "Network",
     "Options",
+    "Pipeline",
     "Pose",
     "PoseBatch",
     "ShapeModel",
+    "VehiclePoses",
     "View",
     "__version__",
     "build_info",
     "estimate_poses",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(import_module(_LAZY[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LAZY})

@@ -9,6 +9,7 @@ import typer
 
 import groundpose
 from groundpose.cli_estimate import estimate
+from groundpose.cli_evaluate import app as evaluate
 from groundpose.cli_experiment import experiment
 from groundpose.cli_output import console, mistakes
 from groundpose.cli_simulate import simulate
@@ -25,6 +26,7 @@ app = typer.Typer(
 app.command(rich_help_panel="Commands")(estimate)
 app.command()(simulate)
 app.command()(experiment)
+app.add_typer(evaluate, name="evaluate")
 for command in (crops, train, export):
     app.command()(command)
 
@@ -49,22 +51,24 @@ def demo(
     out: Annotated[Path, typer.Option(help="Picture to write (.png, .svg, .pdf).")] = Path(
         "groundpose_demo.png"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and the outliers.")] = 0,
+    model: Annotated[
+        Path | None, typer.Option(help="Keypoint network (.onnx).", show_default="the bundled one")
+    ] = None,
 ) -> None:
-    """Estimate a bundled street with known poses; print estimate and truth, write a picture.
+    """From a bundled image of a street to poses: print estimate and truth, write a picture.
 
     [bold]Examples[/bold]
 
       groundpose demo
 
-      groundpose demo --seed 3 --out /tmp/street.png
+      groundpose demo --model mine.onnx --out /tmp/street.png
     """
-    from groundpose import demo as street
+    from groundpose.demo import run
     from groundpose.draw import check_path
 
     with mistakes():
         check_path(out)
-        result = street.run(seed)
+        result = run(model)
         console().print(result.table())
         result.write_picture(out)
     typer.echo(f"Picture: {out.resolve()}")

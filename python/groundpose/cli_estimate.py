@@ -1,22 +1,24 @@
-"""`groundpose estimate`: frames in, poses out."""
+"""`groundpose estimate`: images or frames with keypoints in, poses out."""
 
 from __future__ import annotations
 
-import contextlib
-import dataclasses
 import math
-import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from groundpose._core import InputError, default_options
-from groundpose.cli_output import FORMATS, Output, Pictures, complain, console, mistakes, refuse
+from groundpose.cli_inputs import is_image
+from groundpose.cli_output import FORMATS, Output, Pictures, Style, mistakes, refuse
+from groundpose.cli_run import Result, Tilt, run
 from groundpose.formats.frames import Frame, FrameSource
+from groundpose.formats.records import pose_record, tilt_members
+from groundpose.poses import PoseBatch
 from groundpose.types import Options
 
 _DEFAULT = default_options()
@@ -34,15 +36,37 @@ _TAUS = " ".join(f"{tau:g}" for tau in _DEFAULT["hre_thresholds"])
 
 
 def estimate(
-    frames: Annotated[
+    source: Annotated[
         Path,
         typer.Argument(
-            metavar="FRAMES", help="One frame (.json), JSON lines (.jsonl), or - for standard input."
+            metavar="INPUT",
+            help="An image, a folder of images or a video, with [bold]--boxes[/bold]; or frames with "
+            "keypoints: one (.json), JSON lines (.jsonl), or - for standard input.",
         ),
     ],
+    boxes: Annotated[
+        Path | None,
+        typer.Option(help="2D boxes: KITTI, COCO, nuScenes or JSON; of a folder one file or a folder."),
+    ] = None,
+    calib: Annotated[
+        Path | None,
+        typer.Option(
+            help="The camera: KITTI, OpenCV, ROS, nuScenes, JSON; of a folder one file or a folder."
+        ),
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="Keypoint network (.onnx).", show_default="the bundled one")
+    ] = None,
+    min_score: Annotated[
+        float | None, typer.Option(help="Leave out boxes whose score is lower.", show_default="none")
+    ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", help="File to write; a folder for KITTI text of several frames."),
+        typer.Option(
+            "-o",
+            "--out",
+            help="File to write, or a folder. Of images it takes the pictures too, beside the file.",
+        ),
     ] = None,
     form: Annotated[
         str, typer.Option("--format", help=f"{', '.join(FORMATS)}; default: table on a terminal, else jsonl.")
@@ -50,11 +74,22 @@ def estimate(
     draw: Annotated[
         Path | None, typer.Option(help="Write a picture; with several frames put {id} into its name.")
     ] = None,
+    pictures: Annotated[
+        bool, typer.Option(help="Whether -o takes pictures of images.", show_default=False)
+    ] = True,
     pitch_deg: Annotated[
         float | None, typer.Option(help="Pitch of the camera, instead of the frames'.")
     ] = None,
     roll_deg: Annotated[
         float | None, typer.Option(help="Roll of the camera, instead of the frames'.")
+    ] = None,
+    frame_tilt_sigma_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="How far off the tilt may be for a whole frame: it is estimated from all objects.",
+            metavar="DEG",
+            show_default="the tilt is as told",
+        ),
     ] = None,
     threads: Annotated[int | None, typer.Option(min=1, show_default="all cores", help="Threads.")] = None,
     inlier_threshold: Annotated[
@@ -105,25 +140,27 @@ def estimate(
     ] = None,
     seed: Annotated[int | None, _option("seed", "Of the random draws.", "N")] = None,
 ) -> None:
-    """Estimate the poses of the objects of one frame or of many.
+    """Estimate the poses of the vehicles of images, or of objects whose keypoints are known.
 
-    Input is JSON: camera, tilt, models, and of each object its keypoints,
-    box and model. A frame is written as soon as it is computed.
+    Of an image the bundled network finds the keypoints in the boxes; each
+    vehicle gets class, pose and shape. Frames are JSON: camera, tilt,
+    models, and of each object its keypoints, box and model. Results are
+    written as they come and stay when the run is interrupted.
 
-    Exit status: 1 when some lines of a JSON-lines file were bad (the
-    others are done), 2 when nothing could be done.
+    Exit status: 1 when some images or lines were bad (the others are
+    done), 2 when nothing could be done.
 
     [bold]Examples[/bold]
 
-      groundpose estimate frame.json
+      groundpose estimate street.png --boxes boxes.json --calib camera.json --pitch-deg -1.5 -o poses.jsonl
 
-      groundpose estimate frame.json --draw poses.png --pitch-deg -1.5
+      groundpose estimate training/image_2 --boxes training/label_2 --calib training/calib -o results/
 
-      groundpose estimate drive.jsonl -o poses.jsonl
+      groundpose estimate drive.mp4 --boxes coco.json --calib camera.json -o results/ --no-pictures
 
-      groundpose estimate drive.jsonl --format kitti -o results/
+      groundpose estimate frame.json --draw poses.png
 
-      zcat drive.jsonl.gz | groundpose estimate - --refinement hre
+      zcat drive.jsonl.gz | groundpose estimate - --format kitti -o results/
     """
     typed = dict(locals())
     typed["tilt_sigma"] = None if tilt_sigma_deg is None else math.radians(tilt_sigma_deg)
@@ -131,16 +168,112 @@ def estimate(
     form = form or ("table" if out is None and sys.stdout.isatty() else "jsonl")
     if form not in FORMATS:
         refuse(f"--format: expected {', '.join(FORMATS)}, got {form!r}")
+    angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
+    tilt = Tilt(*(None if angle is None else math.radians(angle) for angle in angles))
     with mistakes():
-        options = Options(**given)
-        job = _Job(options, threads, pitch_deg, roll_deg)
-        with _open(frames, out) as source:
-            pictures = Pictures(draw, source.several) if draw is not None else None
-            status = job.run(source, Output(out, form, source.several), pictures)
+        job = _Job(Options(**given), threads, tilt, out, form, draw)
+        if boxes is not None or is_image(source):
+            status = job.images(source, boxes, calib, model, min_score, pictures)
+        else:
+            for_images = {"calib": calib, "model": model, "min-score": min_score}
+            status = job.frames(source, for_images | {"no-pictures": None if pictures else True})
     raise typer.Exit(status)
 
 
-@contextlib.contextmanager
+@dataclass(frozen=True)
+class _Job:
+    """What is said of the method and of the results."""
+
+    options: Options
+    threads: int | None
+    tilt: Tilt
+    out: Path | None
+    form: str
+    draw: Path | None
+
+    def images(
+        self,
+        source: Path,
+        boxes: Path | None,
+        calib: Path | None,
+        model: Path | None,
+        min_score: float | None,
+        pictures: bool,
+    ) -> int:
+        """Estimate images; returns the exit status."""
+        from groundpose.cli_images import STYLE, ImageWork, destinations
+        from groundpose.keypoints.pipeline import Pipeline  # with the network and the vehicles' models
+
+        if boxes is None:
+            refuse(f"{source}: is an image or a folder; give the 2D boxes too, --boxes FILE")
+        pipeline = Pipeline(model, options=self.options, threads=self.threads)
+        work = ImageWork(
+            source, boxes, calib, self.tilt, -math.inf if min_score is None else min_score, pipeline
+        )
+        lines, picture = destinations(self.out, self.form, work.several)
+        for given in (source, boxes, calib):
+            if lines is not None and given is not None and lines.exists() and lines.samefile(given):
+                refuse(f"-o {self.out}: {lines} is an input; give another name")
+        drawn = self._pictures(work.several, picture if pictures else None)
+        return run(work, Output(lines, self.form, work.several, STYLE), drawn)
+
+    def frames(self, source: Path, for_images: Mapping[str, object]) -> int:
+        """Estimate frames that have keypoints; returns the exit status."""
+        for name, value in for_images.items():
+            if value is not None:
+                refuse(f"--{name}: is for images, which are given with --boxes")
+        with _open(source, self.out) as frames:
+            work = _FrameWork(frames, self.options, self.threads, self.tilt)
+            drawn = self._pictures(frames.several)
+            style = Style(pose_record if self.tilt.frame_sigma is None else _tilted_record)
+            return run(work, Output(self.out, self.form, frames.several, style), drawn)
+
+    def _pictures(self, several: bool, instead: Path | None = None) -> Pictures | None:
+        path = self.draw or instead
+        return None if path is None else Pictures(path, several)
+
+
+@dataclass(frozen=True)
+class _FrameWork:
+    """Frames with keypoints, estimated one after the other."""
+
+    source: FrameSource
+    options: Options
+    threads: int | None
+    tilt: Tilt
+    noun = "frames"
+    total = None
+
+    @property
+    def name(self) -> str:
+        return self.source.name
+
+    @property
+    def several(self) -> bool:
+        return self.source.several
+
+    def __iter__(self) -> Iterator[Result | InputError]:
+        for frame in self.source:
+            try:
+                if isinstance(frame, InputError):
+                    raise frame
+                told = replace(frame, view=self.tilt.of(frame.view))
+                poses = told.estimate(self.options, self.threads, self.tilt.frame_sigma)
+            except InputError as error:
+                yield error
+            else:
+                yield Result(told, poses)
+
+    def remarks(self) -> list[str]:
+        return []
+
+
+def _tilted_record(frame: Frame, poses: PoseBatch) -> str:
+    """With the tilt of the frame, which was estimated."""
+    return pose_record(frame, poses, tilt_members(poses.view))
+
+
+@contextmanager
 def _open(frames: Path, out: Path | None) -> Iterator[FrameSource]:
     if str(frames) == "-":
         yield FrameSource(sys.stdin.buffer, "standard input", Path())
@@ -149,67 +282,3 @@ def _open(frames: Path, out: Path | None) -> Iterator[FrameSource]:
         refuse(f"-o {out}: is the input; give another name")
     with frames.open("rb") as stream:
         yield FrameSource(stream, str(frames), frames.parent)
-
-
-@dataclasses.dataclass
-class _Job:
-    """One run over the frames of a source."""
-
-    options: Options
-    threads: int | None
-    pitch_deg: float | None
-    roll_deg: float | None
-
-    def run(self, source: FrameSource, output: Output, pictures: Pictures | None) -> int:
-        """Estimate, write, draw; returns the exit status."""
-        done, errors = 0, []
-        try:
-            with _progress(output) as progress:
-                task = progress.add_task("frames", total=None)
-                for frame in source:
-                    try:
-                        if isinstance(frame, InputError):
-                            raise frame
-                        self._frame(frame, output, pictures)
-                        done += 1
-                    except InputError as error:
-                        errors.append(error)
-                    progress.advance(task)
-        except KeyboardInterrupt:
-            complain(f"interrupted; frames finished and written: {done}")
-            return 130
-        except BrokenPipeError:
-            # The reader has enough. Keep Python from complaining when it flushes at exit.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return 0
-        finally:
-            output.close()
-        return _report(source, done, errors)
-
-    def _frame(self, frame: Frame, output: Output, pictures: Pictures | None) -> None:
-        view = frame.view
-        if self.pitch_deg is not None or self.roll_deg is not None:
-            pitch = view.pitch if self.pitch_deg is None else math.radians(self.pitch_deg)
-            roll = view.roll if self.roll_deg is None else math.radians(self.roll_deg)
-            frame = dataclasses.replace(frame, view=dataclasses.replace(view, pitch=pitch, roll=roll))
-        poses = frame.estimate(self.options, self.threads)
-        output.write(frame, poses)
-        if pictures is not None:
-            pictures.write(frame, poses)
-
-
-def _progress(output: Output) -> Progress:
-    """Frames done so far, on standard error, if that is a terminal and the results do not go there too."""
-    err = console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.completed} frames"), TimeElapsedColumn())
-    return Progress(*columns, console=err, disable=not err.is_terminal or output.on_terminal, transient=True)
-
-
-def _report(source: FrameSource, done: int, errors: list[InputError]) -> int:
-    for error in errors:
-        complain(error)
-    if not errors:
-        return 0
-    if source.several:
-        complain(f"{source.name}: {len(errors)} of {len(errors) + done} frames left out")
-    return 1 if done else 2

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NoReturn
+from typing import IO, Any, NoReturn
 
 import numpy as np
 import typer
@@ -19,10 +20,20 @@ from rich.table import Table
 from groundpose._checks import FloatArray
 from groundpose._core import InputError
 from groundpose.draw import check_path
-from groundpose.formats.frames import Frame, pose_record
+from groundpose.formats.frames import Frame, FrameObject
+from groundpose.formats.records import pose_record
 from groundpose.poses import Pose, PoseBatch
 
 FORMATS = ("jsonl", "kitti", "table")
+
+
+@dataclass(frozen=True)
+class Style:
+    """How results are written: `record` makes the JSON line of a frame and its poses, `kitti_type` names an
+    object in KITTI's text."""
+
+    record: Callable[[Frame, Any], str] = pose_record
+    kitti_type: Callable[[FrameObject], str] = lambda item: item.model
 
 
 def console(stderr: bool = False, file: IO[str] | None = None) -> Console:
@@ -62,12 +73,16 @@ def mistakes() -> Iterator[None]:
         refuse(error)
 
 
+_PLAIN = Style()
+
+
 class Output:
     """Where estimates go, written and flushed frame by frame."""
 
-    def __init__(self, out: Path | None, form: str, several: bool) -> None:
+    def __init__(self, out: Path | None, form: str, several: bool, style: Style = _PLAIN) -> None:
         """Open the file; a usage error if the frames do not fit it."""
-        self.form, self.out, self.folder = form, out, None
+        self.form, self.out, self.style = form, out, style
+        self.folder: Path | None = None
         self.file: IO[str] = sys.stdout
         if form == "kitti" and several:
             if out is None or (out.exists() and not out.is_dir()):
@@ -82,16 +97,22 @@ class Output:
     def write(self, frame: Frame, poses: PoseBatch) -> None:
         """One frame; complete on the disk or in the pipe when this returns."""
         if self.folder is not None:
-            names = [o.model for o in frame.objects]
-            (self.folder / f"{file_stem(frame.id)}.txt").write_text(poses.to_kitti(names), encoding="utf-8")
+            path = self.folder / f"{file_stem(frame.id)}.txt"
+            path.write_text(self._kitti(frame, poses), encoding="utf-8")
             return
         if self.form == "table":
             console(file=self.file).print(frame_table(frame, poses))
         elif self.form == "kitti":
-            self.file.write(poses.to_kitti([o.model for o in frame.objects]))
+            self.file.write(self._kitti(frame, poses))
         else:
-            self.file.write(pose_record(frame, poses) + "\n")
+            self.file.write(self.style.record(frame, poses) + "\n")
         self.file.flush()
+
+    def _kitti(self, frame: Frame, poses: PoseBatch) -> str:
+        """With the detector's scores where all objects have one."""
+        scores = [o.score for o in frame.objects]
+        types = [self.style.kitti_type(o) for o in frame.objects]
+        return poses.to_kitti(types, None if None in scores else scores)
 
     @property
     def on_terminal(self) -> bool:
@@ -117,21 +138,17 @@ class Pictures:
             refuse("--draw: several frames need {id} in the name, as in --draw 'frame_{id}.png'")
         self.path = path
 
-    def write(self, frame: Frame, poses: PoseBatch) -> None:
-        """Draw one frame over its image, if it names one."""
-        image = None if frame.image is None else _read_image(frame.image)
+    def write(self, frame: Frame, poses: PoseBatch, image: NDArray[np.uint8] | None = None) -> None:
+        """Draw one frame over `image`, or over the one it names, if it names one."""
+        if image is None and frame.image is not None:
+            from groundpose.keypoints.image import as_rgb  # with Pillow, which few runs need
+
+            image = as_rgb(frame.image)
         path = self.path.with_name(self.path.name.replace("{id}", file_stem(frame.id)))
+        if frame.image is not None and path.resolve() == frame.image.resolve():
+            raise InputError(f"{path}: is the image; give the picture another name")
+        path.parent.mkdir(exist_ok=True)
         poses.draw(image, path, truth=frame.truth)
-
-
-def _read_image(path: Path) -> NDArray[np.uint8]:
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(path) as image:
-            return np.asarray(image.convert("RGB"))
-    except UnidentifiedImageError:
-        raise InputError(f"{path}: expected an image, got another kind of file") from None
 
 
 def file_stem(label: str | int) -> str:

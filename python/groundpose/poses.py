@@ -169,7 +169,7 @@ class PoseBatch:
         image: object = None,
         path: str | PathLike[str] | None = None,
         *,
-        truth: tuple[object, object] | None = None,
+        truth: tuple[object, ...] | None = None,
         title: str = "",
     ) -> Figure:
         """Picture: overlay on the image at the left, bird's-eye view at the right.
@@ -177,7 +177,8 @@ class PoseBatch:
         Args:
             image: (H, W, 3) uint8 or float 0 to 1, or (H, W); None: a blank one.
             path: where to write it (.png, .svg, .pdf), if anywhere.
-            truth: `(R, t)` arrays (N, 3, 3) and (N, 3) to show beside the estimates, NaN = none.
+            truth: `(R, t)` arrays (N, 3, 3) and (N, 3) to show beside the estimates, NaN = none; or
+                `(R, t, bbox_3d)` with the true 3D boxes (N, 2, 3).
         """
         from groundpose.draw import draw_poses  # stands above this file
 

@@ -14,7 +14,8 @@ from conftest import ARRAYS, CAMERA, MODEL, VIEW, Batch, assert_same, make_batch
 
 def test_public_names_are_the_promised_ones():
     promised = (
-        "Camera InputError Options Pose PoseBatch ShapeModel View __version__ build_info estimate_poses"
+        "Camera InputError Network Options Pipeline Pose PoseBatch ShapeModel VehiclePoses View "
+        "__version__ build_info estimate_poses"
     )
     assert gp.__all__ == promised.split() == sorted(gp.__all__)
     assert gp.__version__ == gp.build_info()["version"]

@@ -116,7 +116,7 @@ def test_draw_writes_pictures(frame, frames, tmp_path):
     assert missing.exit_code == 2
     assert "absent.png: No such file" in one_line(missing)
     frame.write_text(json.dumps(FRAME | {"image": "frame.json"}))
-    assert "expected an image" in one_line(run("estimate", frame, "--draw", out, "-o", tmp_path / "o"))
+    assert "expected a picture" in one_line(run("estimate", frame, "--draw", out, "-o", tmp_path / "o"))
     frame.write_text(json.dumps(FRAME))
     assert "--draw" in one_line(run("estimate", frame, "--draw", tmp_path / "x.xyz", "-o", tmp_path / "o"))
 
@@ -148,7 +148,7 @@ def test_every_option_of_the_library_is_one_of_the_command(option, frame, monkey
     """What is typed arrives in `Options`, alone; the rest are defaults."""
     seen = []
     estimate = gp.formats.frames.estimate_poses
-    spy = lambda *a: (seen.append(a[5:]), estimate(*a))[1]  # noqa: E731
+    spy = lambda *a, **more: (seen.append(a[5:]), estimate(*a, **more))[1]  # noqa: E731
     monkeypatch.setattr("groundpose.formats.frames.estimate_poses", spy)
     typed, value = TYPED[option]
     assert run("estimate", frame, *typed.split(), "--threads", 2).exit_code == 0
@@ -161,7 +161,7 @@ def test_every_option_of_the_library_is_one_of_the_command(option, frame, monkey
 def test_tilt_can_be_given_by_hand(frame, monkeypatch):
     views = []
     estimate = gp.formats.frames.estimate_poses
-    spy = lambda *a: (views.append(a[0]), estimate(*a))[1]  # noqa: E731
+    spy = lambda *a, **more: (views.append(a[0]), estimate(*a, **more))[1]  # noqa: E731
     monkeypatch.setattr("groundpose.formats.frames.estimate_poses", spy)
     assert run("estimate", frame, "--pitch-deg", "-3").exit_code == 0
     assert run("estimate", frame, "--roll-deg", "2").exit_code == 0
@@ -169,9 +169,24 @@ def test_tilt_can_be_given_by_hand(frame, monkeypatch):
     assert [v.roll for v in views] == [pytest.approx(BATCH.view.roll), pytest.approx(np.radians(2))]
 
 
+def test_the_tilt_of_the_frame_is_estimated_and_said(frame):
+    """Told a tilt that is 3 degrees off, it finds the one that the objects agree on."""
+    wrong = np.degrees(BATCH.view.pitch) + 3.0
+    arguments = ("estimate", frame, "--pitch-deg", wrong, "--frame-tilt-sigma-deg", 5)
+    found = json.loads(run(*arguments).stdout)
+    assert found["pitch_deg"] == pytest.approx(np.degrees(BATCH.view.pitch), abs=0.5)
+    assert found["roll_deg"] == pytest.approx(np.degrees(BATCH.view.roll), abs=0.5)
+    refused = run("estimate", frame, "--frame-tilt-sigma-deg", 0)
+    assert "frame_tilt_sigma: expected a positive number" in one_line(refused)
+
+
 MISTAKES = {
     "no such file": (["nothing.json"], "nothing.json: No such file"),
-    "a folder": (["."], ".: Is a directory"),
+    "a folder": (["."], ".: is an image or a folder; give the 2D boxes too, --boxes FILE"),
+    "a picture": (["a.png"], "a.png: is an image or a folder; give the 2D boxes too"),
+    "an option for images": (["frame.json", "--calib", "c.txt"], "--calib: is for images, which are given"),
+    "another one": (["frame.json", "--min-score", "0.5"], "--min-score: is for images"),
+    "a flag": (["frame.json", "--no-pictures"], "--no-pictures: is for images"),
     "unknown format": (
         ["frame.json", "--format", "xml"],
         "--format: expected jsonl, kitti, table, got 'xml'",
@@ -226,30 +241,6 @@ def test_version_and_no_command():
     assert run("--version").stdout == f"groundpose {gp.__version__}\n"
     bare = run()
     assert all(command in bare.output for command in ("estimate", "demo", "bench"))
-
-
-def test_demo_writes_its_picture_and_says_where(tmp_path):
-    path = tmp_path / "street.png"
-    result = run("demo", "--out", path, "--seed", 2)
-    assert result.exit_code == 0
-    assert f"Picture: {path}" in result.stdout
-    assert width_of(path) > 1000
-    assert "no_consensus" in result.stdout
-    assert "objects in" in result.stdout
-    assert "street.nope" in one_line(run("demo", "--out", tmp_path / "street.nope"))
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_demo_street_is_solved_for_any_seed(seed):
-    from groundpose import demo
-
-    result = demo.run(seed)
-    assert result.poses.ok[:8].sum() >= 7
-    good = result.poses.ok[:8]
-    assert np.median(np.degrees(result.rotation_errors[:8][good])) < 2.0
-    assert np.median(result.position_errors[:8][good]) < 1.0
-    again = demo.run(seed)
-    np.testing.assert_array_equal(again.poses.t, result.poses.t)
 
 
 def test_bench_times_us_and_writes_its_numbers(tmp_path):

@@ -6,8 +6,10 @@ import groundpose as gp
 import matplotlib
 import numpy as np
 import pytest
-from conftest import CAMERA, MODEL, VIEW, make_batch
-from groundpose import draw
+from conftest import CAMERA, MODEL, VIEW, make_batch, rotation_y
+from groundpose import draw, vehicles
+from groundpose.draw import colours
+from groundpose.draw.lines import box_lines, claimed, segment, shape_lines
 from matplotlib.colors import to_rgb
 from PIL import Image
 
@@ -32,8 +34,8 @@ def test_picture_holds_every_kind_of_mark(tmp_path):
     path = tmp_path / "poses.png"
     figure = poses.draw(IMAGE, path, truth=(BATCH.R, BATCH.t), title="five vehicles")
     assert len(figure.axes) == 2
-    for colour in (draw.POSE, draw.BOX, draw.INLIER, draw.OUTLIER, draw.MISSING, draw.NO_POSE, draw.TRUTH):
-        assert has_colour(path, colour), colour
+    for name in ("POSE", "BOX", "FRONT", "INLIER", "OUTLIER", "MISSING", "NO_POSE", "TRUTH"):
+        assert has_colour(path, getattr(colours, name)), name
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     assert {"truth", "no pose, with its status", "not seen", "95 % of position"} <= set(legend)
     assert any("no_consensus" in text.get_text() for text in figure.axes[0].texts)
@@ -89,11 +91,89 @@ def test_distorted_images_get_distorted_lines():
 
 def test_a_box_partly_behind_the_camera_is_cut():
     ends = np.array([[1.0, 0.5, -2.0], [1.0, 0.5, 4.0]])
-    line = draw._segment(POSES, ends)
+    line = segment(VIEW, ends)
     assert np.isfinite(line).all()
     np.testing.assert_allclose(line[-1], VIEW.project(ends[1:])[0])
     np.testing.assert_allclose(line[0], VIEW.project([[1.0, 0.5, 0.1]])[0])
-    assert draw._segment(POSES, ends * [1, 1, -1] - [0, 0, 5]) is None
+    assert segment(VIEW, ends * [1, 1, -1] - [0, 0, 5]) is None
+
+
+def test_the_front_is_the_end_the_object_looks_at():
+    """Of a car that drives away it is the far face of the box, of an oncoming one the near face."""
+    for yaw, towards in ((0.0, False), (np.pi, True)):
+        R = VIEW.R_camera_from_ground @ rotation_y(np.array(yaw))
+        pose = dataclasses.replace(POSES[0], R=R, t=VIEW.R_camera_from_ground @ [0.5, 1.5, 12.0])
+        lines = box_lines(VIEW, pose)
+        assert (len(lines.front), len(lines.others)) == (4, 8)
+        assert lines.faces_camera is towards
+        heights = [np.ptp(np.concatenate(part)[:, 1]) for part in (lines.front, lines.others)]
+        assert bool(heights[0] > 0.99 * heights[1]) is towards
+
+
+def test_lines_of_a_shape_join_its_keypoints():
+    """Every line ends at two projected keypoints; those of the side that is seen are apart from the rest."""
+    model = vehicles.shape_model("car")
+    batch = make_batch(1, seed=3, outliers=0.0, model=model)
+    pose = batch.estimate()[0]
+    near, far = shape_lines(VIEW, pose)
+    pixels = VIEW.project(pose.keypoints_3d @ pose.R.T + pose.t)
+    assert len(near) > 5
+    assert len(far) > 5
+    for line in near + far:
+        assert np.abs(pixels[:, None] - line[None]).max(axis=2).min(axis=0).max() < 1e-9
+    mean = [np.linalg.norm(pose.R.T @ -pose.t - p) for p in pose.keypoints_3d]  # metres from the camera
+    of = lambda lines: np.mean([mean[np.abs(pixels - end).sum(1).argmin()] for x in lines for end in x])  # noqa: E731
+    assert of(near) < of(far)
+    assert shape_lines(VIEW, POSES[0]) == ([], [])  # a model of other keypoints
+
+
+def test_footprints_have_the_estimated_size():
+    model = vehicles.shape_model("van_bus")
+    shape = np.zeros(model.modes)
+    shape[0] = 1.5 * np.sqrt(model.eigenvalues[0])
+    batch = make_batch(1, seed=3, outliers=0.0, model=model, shape=shape)
+    poses = batch.estimate()
+    outline = draw.footprint_on_ground(poses, 0, poses.R[0], poses.t[0])
+    length = np.linalg.norm(outline[1] - outline[0])
+    true = np.ptp(model.keypoints(shape)[:, 2]) / np.ptp(model.keypoints_3d[:, 2]) * model.size[0]
+    assert length == pytest.approx(true, rel=0.05)
+    assert abs(length - model.size[0]) > 0.5
+    told = draw.footprint_on_ground(poses, 0, batch.R[0], batch.t[0], np.array([[-1, -2, -3], [1, 0, 3.0]]))
+    assert np.linalg.norm(told[1] - told[0]) == pytest.approx(6.0)
+    with pytest.raises(gp.InputError, match=r"truth: expected \(R, t\) or"):
+        poses.draw(truth=(batch.R,))
+
+
+def test_keypoints_with_hardly_a_chance_count_as_not_seen():
+    scores = np.full(POSES.keypoints_2d.shape[:2], 0.9)
+    scores[:, 4] = 0.05
+
+    class Found(gp.PoseBatch):
+        keypoint_scores = scores
+
+    fields = {f.name: getattr(POSES, f.name) for f in dataclasses.fields(gp.PoseBatch)}
+    found = claimed(Found(**fields))
+    assert not found[:, 4].any()
+    assert found[:, :4].all()
+    assert claimed(POSES).all()
+
+
+def test_contact_sheet_shows_each_object(tmp_path):
+    path = tmp_path / "worst.png"
+    tiles = [draw.Tile(IMAGE, POSES, i, f"{i}: 3.2°") for i in range(5)]
+    figure = draw.contact_sheet(tiles, path, columns=3)
+    assert [axes.get_title("left") for axes in figure.axes] == [tile.title for tile in tiles]
+    for axes, box in zip(figure.axes, POSES.bboxes, strict=True):
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        assert left < box[0] < box[2] < right
+        assert top < box[1] < box[3] < bottom
+    with Image.open(path) as image:
+        assert image.width > 2 * image.height * 0.6
+    unboxed = gp.estimate_poses(VIEW, BATCH.keypoints_2d, None, MODEL)
+    axes = draw.contact_sheet([draw.Tile(IMAGE, unboxed, 0)]).axes[0]
+    assert axes.get_xlim()[1] >= 1279
+    with pytest.raises(gp.InputError, match="tiles: expected at least one"):
+        draw.contact_sheet([])
 
 
 def test_parts_can_be_drawn_alone_and_empty(tmp_path):

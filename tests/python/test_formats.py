@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from conftest import CAMERA, MODEL, VIEW, as_json, assert_same, frame_of, make_batch
 from groundpose.formats.fields import parse
-from groundpose.formats.frames import Frame, FrameSource, pose_record, read_frame
+from groundpose.formats.frames import Frame, FrameSource, read_frame
+from groundpose.formats.records import pose_record
 
 BATCH = make_batch(3, seed=21)
 FRAME = frame_of(BATCH)

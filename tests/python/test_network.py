@@ -1,58 +1,24 @@
 """Networks in files and the pipeline, on a network that is made here without training."""
 
-import json
-from pathlib import Path
+import dataclasses
+import subprocess
+import sys
+from types import SimpleNamespace
 
 import groundpose as gp
 import numpy as np
 import pytest
+from groundpose import Network, Pipeline, VehiclePoses
 from groundpose.keypoints import network as network_module
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.keypoints.image import as_rgb
-from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS, Network
-from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
-from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, keypoint_indices
+from groundpose.keypoints.network import FORMAT
+from groundpose.vehicles.keypoints import KINDS, keypoint_indices
 from PIL import Image
+from stand_in import HEIGHT, PLACES, WIDTH, K, write
 
-onnx = pytest.importorskip("onnx", reason="onnx is not installed (extra [train])")
-
-K, WIDTH, HEIGHT = len(KEYPOINTS), 128, 96
 IMAGE = np.random.default_rng(0).integers(0, 256, (150, 200, 3), dtype=np.uint8)
 VIEW = gp.View(gp.Camera(200.0, 200.0, 99.5, 74.5, image_size=(200, 150)))
-# where the stand-in sees each keypoint, crop pixels
-PLACES = np.random.default_rng(1).uniform((20, 20), (108, 76), (K, 2)).astype(np.float32)
-
-
-def write(path: Path, kind: int = 0, **changes: str) -> Path:
-    """A network that answers the same for every crop: keypoints at PLACES, one class."""
-    helper, of = onnx.helper, onnx.numpy_helper.from_array
-    logits = np.full(len(KINDS), 0.1, np.float32)
-    logits[kind] = 0.7
-    answers = dict(
-        zip(OUTPUTS, (PLACES, np.full(K, 2.0, np.float32), np.full(K, 0.1, np.float32), logits), strict=True)
-    )
-    weights, nodes, outputs = [], [], []
-    nodes.append(helper.make_node("Shape", ["crops"], ["n"], end=1))
-    for name, value in answers.items():
-        weights += [of(value[None], name + "_one"), of(np.ones(value.ndim, np.int64), name + "_rest")]
-        nodes.append(helper.make_node("Concat", ["n", name + "_rest"], [name + "_shape"], axis=0))
-        nodes.append(helper.make_node("Expand", [name + "_one", name + "_shape"], [name]))
-        outputs.append(helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["N", *value.shape]))
-    crops = helper.make_tensor_value_info("crops", onnx.TensorProto.UINT8, ["N", HEIGHT, WIDTH, 3])
-    graph = helper.make_graph(nodes, "stand-in", [crops], outputs, weights)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
-    said = {
-        FORMAT: FORMAT_VERSION,
-        "width": str(WIDTH),
-        "height": str(HEIGHT),
-        "margin": "0.1",
-        "keypoints": json.dumps([k.name for k in KEYPOINTS]),
-        "kinds": json.dumps(KINDS),
-        "score_calibration": "[-6.0, -2.0, 0.0]",
-    }
-    onnx.helper.set_model_props(model, said | changes)
-    onnx.save(model, str(path))
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +70,7 @@ def test_files_that_are_not_ours(path, tmp_path, monkeypatch):
     with pytest.raises(TypeError, match="path: expected a path"):
         Network(3)  # type: ignore[arg-type]
     monkeypatch.setattr(network_module, "BUNDLED", tmp_path / "default.onnx")
-    with pytest.raises(FileNotFoundError, match="bundled network is not part of this installation"):
+    with pytest.raises(FileNotFoundError, match=r"bundled network is not part .*`groundpose train`"):
         Network()
 
 
@@ -144,6 +110,43 @@ def test_bad_boxes_lose_nothing_of_the_others(pipeline):
     assert len(pipeline(IMAGE, np.empty((0, 4)), VIEW)) == 0
     assert len(many[1].keypoints_2d) == 28
     assert "Car" in many.to_kitti() or "car" in many.to_kitti()
+
+
+def test_importing_the_package_imports_neither_onnxruntime_nor_matplotlib():
+    """They take longer than the rest together; `Pipeline` and `Network` are there when asked for."""
+    code = """
+import sys, groundpose
+heavy = {"onnxruntime", "matplotlib", "PIL", "torch", "groundpose.vehicles"}
+assert not heavy & set(sys.modules), heavy & set(sys.modules)
+assert {"Network", "Pipeline", "VehiclePoses"} <= set(dir(groundpose))
+assert groundpose.Pipeline is groundpose.keypoints.pipeline.Pipeline
+assert "onnxruntime" not in sys.modules
+try:
+    groundpose.Pipelines
+except AttributeError as error:
+    assert "has no attribute 'Pipelines'" in str(error)
+else:
+    raise AssertionError
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+def test_the_camera_has_the_size_of_the_image(pipeline):
+    """Without it the sides of boxes that the border cuts would count as those of the vehicle."""
+    free = dataclasses.replace(VIEW, camera=dataclasses.replace(VIEW.camera, image_size=None))
+    cut = [[50.0, 40.0, 199.5, 90.0]]
+    a, b = pipeline(IMAGE, cut, free), pipeline(IMAGE, cut, VIEW)
+    assert a.view == b.view == VIEW
+    np.testing.assert_array_equal(a.t, b.t)
+
+
+def test_steps_are_timed_and_the_tilt_of_the_frame_is_passed_on(pipeline):
+    boxes = [[50, 40, 130, 90], [20, 30, 100, 80]]
+    poses = pipeline(IMAGE, boxes, VIEW)
+    assert list(poses.seconds) == ["crop", "network", "decode", "solve"]
+    assert all(0.0 < seconds < 5.0 for seconds in poses.seconds.values())
+    assert np.isnan(poses.tilt_covariance).all()
+    assert np.isfinite(pipeline(IMAGE, boxes, VIEW, frame_tilt_sigma=0.02).tilt_covariance).all()
 
 
 def test_batches_do_not_matter(path):
@@ -199,6 +202,17 @@ def test_images_that_are_refused(pipeline, tmp_path):
         pipeline(tmp_path / "none.png", [], VIEW)
     with pytest.raises(TypeError, match="image: expected an"):
         pipeline(None, [], VIEW)
+
+
+def test_boxes_as_detectors_give_them(pipeline):
+    """The result of another library, here one that looks like supervision's and one like torchvision's."""
+    boxes = np.array([[50.0, 40.0, 130.0, 90.0], [20.0, 30.0, 100.0, 80.0]])
+    wanted = pipeline(IMAGE, boxes, VIEW)
+    detections = SimpleNamespace(xyxy=boxes, confidence=np.array([0.9, 0.8]), class_id=np.array([2, 7]))
+    for given in (detections, {"boxes": boxes}, tuple(boxes), boxes.tolist()):
+        np.testing.assert_array_equal(pipeline(IMAGE, given, VIEW).bboxes, wanted.bboxes)
+    with pytest.raises(TypeError, match="expected boxes of a detector or an array"):
+        pipeline(IMAGE, 3, VIEW)
 
 
 def test_arguments_that_are_refused(path, pipeline):

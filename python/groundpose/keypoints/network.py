@@ -19,6 +19,10 @@ FORMAT = "groundpose_keypoints"
 FORMAT_VERSION = "1"
 OUTPUTS = ("keypoints", "spread", "peak", "kind_probabilities")
 BUNDLED = Path(__file__).parent / "models" / "default.onnx"
+_NOT_BUNDLED = (
+    "the bundled network is not part of this installation; give the file of one "
+    "(--model FILE, Pipeline(FILE)) or make one with `groundpose train`"
+)
 
 
 class Network:
@@ -40,7 +44,7 @@ class Network:
             raise type_error("path", "a path", path)
         self.path = BUNDLED if path is None else Path(fspath(path))
         if path is None and not self.path.exists():
-            raise FileNotFoundError(2, "the bundled network is not part of this installation", str(self.path))
+            raise FileNotFoundError(2, _NOT_BUNDLED, str(self.path))
         self._session = _session(self.path, threads)
         self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
         if self.metadata.get(FORMAT) != FORMAT_VERSION:

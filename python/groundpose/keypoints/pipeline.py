@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from os import PathLike
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error, integer, shaped, type_error
 from groundpose.estimate import estimate_poses
+from groundpose.formats.detections import bboxes_of
 from groundpose.keypoints.codec import ByteArray, usable
 from groundpose.keypoints.decode import Detections
 from groundpose.keypoints.image import as_rgb
@@ -32,11 +34,13 @@ class VehiclePoses(PoseBatch):
         kinds: (N,) str, the likeliest class; its model is `models[i]`. "" for an unusable box.
         kind_probabilities: (N, 4) in the order of `groundpose.vehicles.KINDS`; NaN for an unusable box.
         keypoint_scores: (N, P) probability of each keypoint to be right, NaN beyond an object's own.
+        seconds: what the steps took: "crop", "network", "decode", "solve".
     """
 
     kinds: NDArray[np.str_]
     kind_probabilities: FloatArray
     keypoint_scores: FloatArray
+    seconds: Mapping[str, float]
 
     def __repr__(self) -> str:
         """How many of what have an answer."""
@@ -52,19 +56,23 @@ class VehiclePoses(PoseBatch):
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Keypoints of N boxes in image pixels; a row is as long as its class has keypoints."""
+    """Keypoints of N boxes in image pixels; a row is as long as its class has keypoints.
+
+    `seconds` are those of the steps "crop", "network" and "decode".
+    """
 
     keypoints: list[FloatArray]
     scores: list[FloatArray]
     kinds: list[str]
     kind_probabilities: FloatArray
+    seconds: dict[str, float]
 
 
 class Pipeline:
     """From images to poses.
 
-    >>> pipeline = Pipeline("model.onnx", threads=1)      # doctest: +SKIP
-    >>> poses = pipeline(image, bboxes, view)             # doctest: +SKIP
+    >>> pipeline = gp.Pipeline()                          # doctest: +SKIP
+    >>> poses = pipeline("street.jpg", bboxes, view)      # doctest: +SKIP
     """
 
     def __init__(
@@ -107,15 +115,19 @@ class Pipeline:
                     f"models[{kind!r}]", f"{len(_ROWS[kind])} keypoints", len(model.keypoints_3d)
                 )
 
-    def __call__(self, image: object, bboxes: object, view: View) -> VehiclePoses:
+    def __call__(
+        self, image: object, bboxes: object, view: View, frame_tilt_sigma: float | None = None
+    ) -> VehiclePoses:
         """Poses of the vehicles in boxes of an image.
 
         Args:
             image: RGB; see `groundpose.keypoints.image.as_rgb` for what is taken.
             bboxes: (N, 4) left, top, right, bottom pixels, around whole vehicles as far as they are in the
-                image; N may be 0. A box without area, outside the image or not finite gives an object without
-                an answer, and nothing of the others is lost.
-            view: camera and tilt.
+                image, N may be 0; or the boxes of a detector as it gives them (all are taken for vehicles),
+                see `groundpose.formats.detections`. A box without area, outside the image or not finite
+                gives an object without an answer, and nothing of the others is lost.
+            view: camera and tilt. A camera without `image_size` is taken to have the image's.
+            frame_tilt_sigma: see `estimate_poses`.
 
         Raises:
             InputError: an image or boxes that cannot be, an image of another size than the camera's.
@@ -127,25 +139,40 @@ class Pipeline:
         size = (pixels.shape[1], pixels.shape[0])
         if view.camera.image_size not in (None, size):
             raise input_error("image", f"the camera's size {view.camera.image_size}", f"{size}")
+        view = replace(view, camera=replace(view.camera, image_size=size))
         boxes = _boxes(bboxes)
         found = self.detect(pixels, boxes)
         models = [self.models[kind or KINDS[0]] for kind in found.kinds]
-        poses = estimate_poses(view, found.keypoints, boxes, models, found.scores, self.options, self.threads)
+        watch = _Stopwatch(found.seconds)
+        poses = estimate_poses(
+            *(view, found.keypoints, boxes, models, found.scores, self.options, self.threads),
+            frame_tilt_sigma=frame_tilt_sigma,
+        )
+        watch.lap("solve")
         given = {f.name: getattr(poses, f.name) for f in fields(PoseBatch)}
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)
         for row, own in zip(scores, found.scores, strict=True):
             row[: len(own)] = own
         kinds = np.array(found.kinds, dtype=np.str_)
         return VehiclePoses(
-            **given, kinds=kinds, kind_probabilities=found.kind_probabilities, keypoint_scores=scores
+            **given,
+            kinds=kinds,
+            kind_probabilities=found.kind_probabilities,
+            keypoint_scores=scores,
+            seconds=found.seconds,
         )
 
     def detect(self, image: ByteArray, bboxes: FloatArray) -> Found:
         """Keypoints of boxes (N, 4) of an image (H, W, 3) uint8, without poses."""
+        seconds: dict[str, float] = {}
+        watch = _Stopwatch(seconds)
         good = np.flatnonzero(usable(bboxes, image.shape[1], image.shape[0]))
         codec = self.network.codec
         windows, count = codec.windows(bboxes[good]), len(bboxes)
-        detections = self._run(codec.crops(image, bboxes[good]))
+        crops = codec.crops(image, bboxes[good])
+        watch.lap("crop")
+        detections = self._run(crops)
+        watch.lap("network")
         points = codec.image_from_crop(detections.keypoints, windows)
         pixel = (windows[:, 2] - windows[:, 0]) / codec.width
         sides = (bboxes[good, 2:] - bboxes[good, :2]).max(axis=1, initial=0.0) / pixel
@@ -159,7 +186,8 @@ class Pipeline:
             kinds[row] = KINDS[int(detections.kind_probabilities[i].argmax())]
             own = _ROWS[kinds[row]]
             keypoints[row], each[row] = points[i, own], scores[i, own]
-        return Found(keypoints, each, kinds, probabilities)
+        watch.lap("decode")
+        return Found(keypoints, each, kinds, probabilities, seconds)
 
     def _run(self, crops: ByteArray) -> Detections:
         """In batches of similar size."""
@@ -171,7 +199,22 @@ class Pipeline:
         return Detections(*(np.concatenate([getattr(answer, name) for answer in answers]) for name in names))
 
 
+class _Stopwatch:
+    """Writes what each step took."""
+
+    def __init__(self, seconds: dict[str, float]) -> None:
+        self._seconds, self._last = seconds, time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self._seconds[name], self._last = now - self._last, now
+
+
 def _boxes(value: object) -> FloatArray:
+    """Boxes (N, 4) of an array, of rows of numbers, or as a detector gives them."""
+    rows = isinstance(value, (list, tuple)) and all(isinstance(r, (list, tuple, np.ndarray)) for r in value)
+    if not isinstance(value, np.ndarray) and not rows:
+        return bboxes_of(value)
     if isinstance(value, (list, tuple)) and not value:
         return np.empty((0, 4))
     boxes = shaped("bboxes", value, ("N", 4), (0,))

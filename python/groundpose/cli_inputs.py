@@ -1,0 +1,102 @@
+"""Where images come from: a picture, a folder of pictures, a video."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from glob import escape
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._checks import input_error
+
+PICTURES = frozenset((".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"))
+VIDEOS = frozenset((".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg"))
+"""Endings of names; other files of a folder are passed over."""
+
+Image = NDArray[np.uint8]
+
+
+def is_image(path: Path) -> bool:
+    """Whether the name is one of a picture, of a video or of a folder."""
+    return path.is_dir() or path.suffix.lower() in PICTURES | VIDEOS
+
+
+def is_video(path: Path) -> bool:
+    """Whether the name is one of a video."""
+    return not path.is_dir() and path.suffix.lower() in VIDEOS
+
+
+def pictures(path: Path) -> list[tuple[str, Path]]:
+    """The pictures of a folder in order, or a picture alone, each with a name of its own: without its ending
+    unless two would be called the same.
+
+    Raises:
+        OSError: no such file. InputError: a folder without pictures.
+    """
+    if not path.is_dir():
+        path.open("rb").close()  # OSError in Python's own words
+        return [(path.stem, path)]
+    found = sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURES and not p.name.startswith("."))
+    if not found:
+        raise input_error(str(path), "a folder with pictures", "none in it")
+    stems = Counter(p.stem for p in found)
+    return [(p.stem if stems[p.stem] == 1 else p.name, p) for p in found]
+
+
+def companion(folder: Path, name: str) -> Path:
+    """The file of an image in a folder of boxes or calibrations: the same name with another ending.
+
+    Raises InputError when there is none.
+    """
+    stem = Path(name).stem
+    found = sorted(p for p in folder.glob(f"{escape(stem)}.*") if p.suffix.lower() not in PICTURES)
+    if not found:
+        raise input_error(str(folder), f"a file {stem}.*", "none")
+    return found[0]
+
+
+def video(path: Path) -> Iterator[Image]:
+    """The frames of a video (H, W, 3), RGB, read by the first package that is installed.
+
+    Raises:
+        OSError: no such file. InputError: no video, or no package that reads videos.
+    """
+    path.open("rb").close()
+    for package, read in _VIDEO_READERS.items():
+        if find_spec(package) is not None:
+            frames = read(path)
+            first = next(frames, None)
+            if first is None:
+                raise input_error(str(path), "a video", "a file without frames")
+            yield first
+            yield from frames
+            return
+    hint = "pip install opencv-python-headless, or give a folder of its frames"
+    raise input_error(str(path), f"OpenCV or imageio to read videos ({hint})", "neither")
+
+
+def _opencv(path: Path) -> Iterator[Image]:
+    reader = import_module("cv2").VideoCapture(str(path))
+    try:
+        while True:
+            there, image = reader.read()
+            if not there:
+                return
+            yield image[..., ::-1]
+    finally:
+        reader.release()
+
+
+def _imageio(path: Path) -> Iterator[Image]:
+    try:
+        yield from import_module("imageio.v3").imiter(path)
+    except (OSError, ValueError) as error:
+        raise input_error(str(path), "a video", error) from None
+
+
+_VIDEO_READERS: dict[str, Callable[[Path], Iterator[Image]]] = {"cv2": _opencv, "imageio": _imageio}

@@ -1,0 +1,118 @@
+"""Lines of an object in the image: its 3D box, its shape, cut before the lens."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._checks import FloatArray
+from groundpose.formats.kitti import shaped_box
+from groundpose.poses import Pose, PoseBatch
+from groundpose.shape import ShapeModel
+from groundpose.types import View
+
+# Nearest depth, metres, that lines are drawn from.
+_NEAR = 0.1
+
+# Corners of a 3D box as (x, y, z) choices of min and max, and its edges; z = 1 is the front.
+_CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
+_EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if np.abs(_CORNERS[a] - _CORNERS[b]).sum() == 1]
+_FRONT = (1, 3, 7, 5)
+
+# Keypoints that a pipeline's network gives a lower chance than this count as not seen.
+_LEAST_SCORE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class BoxLines:
+    """A projected 3D box: the lines of its front face and the others (each (S, 2) pixels), the front as an
+    area (4, 2) when all of it is before the camera, and whether the front faces the camera."""
+
+    front: list[FloatArray]
+    others: list[FloatArray]
+    area: FloatArray | None
+    faces_camera: bool
+
+
+def box_lines(view: View, pose: Pose) -> BoxLines:
+    """The 3D box of a pose, of the shape estimated."""
+    box = shaped_box(pose.model, pose.shape_coefficients)
+    corners = box[_CORNERS, [0, 1, 2]] @ pose.R.T + pose.t
+    front: list[FloatArray] = []
+    others: list[FloatArray] = []
+    for edge in _EDGES:
+        line = segment(view, corners[list(edge)])
+        if line is not None:
+            (front if set(edge) <= set(_FRONT) else others).append(line)
+    ahead = corners[list(_FRONT)]
+    area = view.camera.distort(view.project(ahead)) if (ahead[:, 2] > _NEAR).all() else None
+    return BoxLines(front, others, area, bool(pose.R[:, 2] @ ahead.mean(axis=0) < 0.0))
+
+
+def shape_lines(view: View, pose: Pose) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Lines between the keypoints of a bundled class that lie on a side that faces the camera, and the rest.
+
+    Each is (S, 2) pixels; none for a model whose keypoints have other names.
+    """
+    points = pose.keypoints_3d
+    camera = points @ pose.R.T + pose.t
+    middle, half = points.mean(axis=0), np.maximum(0.5 * np.ptp(points, axis=0), 1e-9)
+    # Seen when the camera is before the surface; an ellipsoid stands for the body.
+    outward = ((points - middle) / half**2) @ pose.R.T
+    seen = np.einsum("ij,ij->i", outward, camera) < 0.0
+    near: list[FloatArray] = []
+    far: list[FloatArray] = []
+    for a, b in _skeleton(pose.model.name, pose.model.keypoint_names):
+        line = segment(view, camera[[a, b]])
+        if line is not None:
+            (near if seen[a] and seen[b] else far).append(line)
+    return near, far
+
+
+@cache
+def _skeleton(name: str, keypoint_names: tuple[str, ...]) -> list[tuple[int, int]]:
+    from groundpose.simulation.coco import skeleton  # stands above this file, with the whole drive
+    from groundpose.vehicles import KINDS
+    from groundpose.vehicles import keypoint_names as names_of
+
+    if name not in KINDS or names_of(name) != keypoint_names:
+        return []
+    return [(a - 1, b - 1) for a, b in skeleton(name)]
+
+
+def segment(view: View, ends: FloatArray) -> FloatArray | None:
+    """A line of the camera frame in the image, cut at the near plane; curved by a lens, so in steps."""
+    depths = ends[:, 2]
+    if (depths <= _NEAR).all():
+        return None
+    if (depths <= _NEAR).any():
+        behind = int(np.argmin(depths))
+        share = (_NEAR - depths[1 - behind]) / (depths[behind] - depths[1 - behind])
+        ends = ends.copy()
+        ends[behind] = ends[1 - behind] + share * (ends[behind] - ends[1 - behind])
+        ends[behind, 2] = _NEAR
+    steps = np.linspace(0.0, 1.0, 2 if view.camera.distortion is None else 12)[:, None]
+    return view.camera.distort(view.project(ends[0] + steps * (ends[1] - ends[0])))
+
+
+def claimed(poses: PoseBatch) -> NDArray[np.bool_]:
+    """(N, P): which keypoints the detector means to see: not those that its network gives hardly a chance."""
+    given = np.isfinite(poses.keypoints_2d).all(axis=2)
+    scores = getattr(poses, "keypoint_scores", None)
+    return np.asarray(given if scores is None else given & (scores >= _LEAST_SCORE))
+
+
+def footprint(model: ShapeModel, shape_coefficients: FloatArray | None) -> FloatArray:
+    """Corners (C, 3), metres in the object frame, of the outline on the ground; None: of the mean shape."""
+    own = model.bbox_3d
+    low, high = own if shape_coefficients is None else shaped_box(model, shape_coefficients)
+    if model.footprint is None:
+        corners = np.array([[low[0], low[2]], [low[0], high[2]], [high[0], high[2]], [high[0], low[2]]])
+    else:
+        share = (model.footprint - own[0, [0, 2]]) / (own[1] - own[0])[[0, 2]]
+        corners = low[[0, 2]] + share * (high - low)[[0, 2]]
+    return np.insert(corners, 1, high[1], axis=1)

@@ -1,0 +1,51 @@
+"""A network in a file without training: it answers the same for every crop. Skips without onnx."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS
+from groundpose.vehicles.keypoints import KEYPOINTS, KINDS
+
+onnx = pytest.importorskip("onnx", reason="onnx is not installed (extra [train])")
+
+K, WIDTH, HEIGHT = len(KEYPOINTS), 128, 96
+# where it sees each keypoint, crop pixels
+PLACES = np.random.default_rng(1).uniform((20, 20), (108, 76), (K, 2)).astype(np.float32)
+
+
+def write(path: Path, kind: int = 0, places: np.ndarray = PLACES, **changes: str) -> Path:
+    """A network that sees keypoints (53, 2) at `places` and one class; `changes` are of its metadata."""
+    helper, of = onnx.helper, onnx.numpy_helper.from_array
+    logits = np.full(len(KINDS), 0.1, np.float32)
+    logits[kind] = 0.7
+    answers = dict(
+        zip(
+            OUTPUTS,
+            (places.astype(np.float32), np.full(K, 2.0, np.float32), np.full(K, 0.1, np.float32), logits),
+            strict=True,
+        )
+    )
+    weights, nodes, outputs = [], [], []
+    nodes.append(helper.make_node("Shape", ["crops"], ["n"], end=1))
+    for name, value in answers.items():
+        weights += [of(value[None], name + "_one"), of(np.ones(value.ndim, np.int64), name + "_rest")]
+        nodes.append(helper.make_node("Concat", ["n", name + "_rest"], [name + "_shape"], axis=0))
+        nodes.append(helper.make_node("Expand", [name + "_one", name + "_shape"], [name]))
+        outputs.append(helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["N", *value.shape]))
+    crops = helper.make_tensor_value_info("crops", onnx.TensorProto.UINT8, ["N", HEIGHT, WIDTH, 3])
+    graph = helper.make_graph(nodes, "stand-in", [crops], outputs, weights)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    said = {
+        FORMAT: FORMAT_VERSION,
+        "width": str(WIDTH),
+        "height": str(HEIGHT),
+        "margin": "0.1",
+        "keypoints": json.dumps([k.name for k in KEYPOINTS]),
+        "kinds": json.dumps(KINDS),
+        "score_calibration": "[-6.0, -2.0, 0.0]",
+    }
+    onnx.helper.set_model_props(model, said | changes)
+    onnx.save(model, str(path))
+    return path

@@ -1,0 +1,381 @@
+"""`groundpose estimate` of images: what goes in, in every form, what comes out, and what a mistake costs."""
+
+import itertools
+import json
+from pathlib import Path
+
+import groundpose as gp
+import numpy as np
+import pytest
+import stand_in
+from conftest import project, rotation_y
+from groundpose import cli_inputs, vehicles
+from groundpose.formats.kitti_labels import format_calibration
+from groundpose.keypoints.codec import Codec
+from groundpose.vehicles.keypoints import keypoint_indices
+from PIL import Image
+from test_cli import one_line, run
+
+SIZE = (640, 300)
+VIEW = gp.View(gp.Camera(600.0, 600.0, 320.0, 130.0, image_size=SIZE), pitch=0.01, height=1.6)
+MODEL = vehicles.shape_model("car")
+R = VIEW.R_camera_from_ground @ rotation_y(np.array(0.6))
+T = VIEW.R_camera_from_ground @ [1.0, 1.6, 12.0]
+
+
+def _box() -> np.ndarray:
+    corners = project(VIEW, R, T, np.array(list(itertools.product(*MODEL.bbox_3d.T))))
+    return np.concatenate([corners.min(axis=0), corners.max(axis=0)]).round(2)
+
+
+BOX = _box()
+CAR = {"bbox": BOX.tolist(), "class": "car", "score": 0.9, "truth": {"R": R.tolist(), "t": T.tolist()}}
+CALIBRATION = {"fx": 600, "fy": 600, "cx": 320, "cy": 130, "pitch_deg": float(np.degrees(VIEW.pitch))}
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory) -> Path:
+    """Sees the car that is projected into BOX, in whatever box."""
+    codec = Codec(stand_in.WIDTH, stand_in.HEIGHT)
+    places = np.zeros((stand_in.K, 2))
+    pixels = project(VIEW, R, T, MODEL.keypoints_3d)
+    places[keypoint_indices("car")] = codec.crop_from_image(pixels[None], codec.windows(BOX[None]))[0]
+    return stand_in.write(tmp_path_factory.mktemp("model") / "car.onnx", 0, places)
+
+
+@pytest.fixture
+def street(tmp_path, monkeypatch) -> Path:
+    """A folder with a picture, its boxes and its calibration; it is the current one."""
+    monkeypatch.chdir(tmp_path)
+    picture(tmp_path / "street.png")
+    dump("boxes.json", [CAR["bbox"]])
+    dump("camera.json", CALIBRATION)
+    return tmp_path
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pictures are empty files: drawing takes a second."""
+    monkeypatch.setattr(gp.PoseBatch, "draw", lambda poses, image, path, **more: Path(path).write_bytes(b""))
+
+
+def picture(path: Path, size: tuple[int, int] = SIZE) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.random.default_rng(0).integers(90, 130, (size[1], size[0], 3), dtype=np.uint8)).save(
+        path
+    )
+    return path
+
+
+def dump(name: str, content: object) -> Path:
+    path = Path(name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    return path
+
+
+def lines(path: str) -> list[dict]:
+    return [json.loads(line) for line in Path(path).read_text().splitlines()]
+
+
+def kitti(*rows: tuple[str, np.ndarray]) -> str:
+    return "".join(
+        f"{name} -1 -1 -10 {' '.join(map(str, box))} -1 -1 -1 -1000 -1000 -1000 -10 0.9\n"
+        for name, box in rows
+    )
+
+
+def estimate(model: Path, *arguments: object, source: str = "street.png", boxes: str = "boxes.json"):
+    return run("estimate", source, "--boxes", boxes, "--model", model, *arguments)
+
+
+def everything() -> set[str]:
+    return {path.as_posix() for path in Path().rglob("*") if path.is_file()}
+
+
+def test_one_image_gives_its_line_and_its_picture(street, model):
+    result = estimate(model, "--calib", "camera.json", "-o", "o.jsonl")
+    assert (result.exit_code, result.stderr, result.stdout) == (0, "", "")
+    (line,) = lines("o.jsonl")
+    assert (line["id"], line["image"]) == ("street", "street.png")
+    assert line["pitch_deg"] == pytest.approx(CALIBRATION["pitch_deg"])
+    (car,) = line["objects"]
+    assert (car["id"], car["model"], car["status"], car["bbox"]) == (0, "car", "ok", CAR["bbox"])
+    assert car["model_probability"] == pytest.approx(0.7)
+    assert len(car["keypoints_2d"]) == len(car["keypoint_scores"]) == len(car["residuals"]) == 28
+    np.testing.assert_allclose(car["t"], T, atol=0.15)
+    np.testing.assert_allclose(car["R"], R, atol=0.02)
+    with Image.open("o.png") as drawn:
+        assert drawn.width > 1000
+
+
+def test_the_tilt_given_by_hand_wins(street, model):
+    result = estimate(model, "--calib", "camera.json", "--pitch-deg", -2, "--roll-deg", 1)
+    line = json.loads(result.stdout)
+    assert (line["pitch_deg"], line["roll_deg"]) == (pytest.approx(-2.0), pytest.approx(1.0))
+
+
+@pytest.mark.parametrize(
+    ("out", "form", "files"),
+    [
+        ("o.jsonl", "jsonl", {"o.jsonl", "o.png"}),
+        ("o.png", "jsonl", {"o.jsonl", "o.png"}),
+        ("o", "jsonl", {"o/poses.jsonl", "o/street_poses.png"}),
+        ("o", "kitti", {"o/poses.txt", "o/street_poses.png"}),
+        ("o.txt", "table", {"o.txt", "o.png"}),
+    ],
+)
+def test_where_results_go(out, form, files, street, model, undrawn):
+    before = everything()
+    arguments = ("--calib", "camera.json", "-o", out, "--format", form)
+    assert estimate(model, *arguments).exit_code == 0
+    assert everything() - before == files
+    for name in files:
+        Path(name).unlink()
+    assert estimate(model, *arguments, "--no-pictures").exit_code == 0
+    assert everything() - before == {name for name in files if not name.endswith(".png")}
+
+
+FORMATS = {
+    "KITTI": kitti(("Car", BOX)),
+    "COCO": {
+        "images": [{"id": 3, "file_name": "street.png"}],
+        "annotations": [{"id": 0, "image_id": 3, "bbox": [*BOX[:2], *(BOX[2:] - BOX[:2])], "category_id": 1}],
+        "categories": [{"id": 1, "name": "car"}],
+    },
+    "our frame": {"objects": [CAR]},
+    "a list": [CAR["bbox"]],
+}
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("calibration", ["JSON", "KITTI"])
+def test_boxes_and_cameras_of_every_format(form, calibration, street, model):
+    dump("boxes.any", FORMATS[form])
+    dump(
+        "camera.any", {"JSON": json.dumps(CALIBRATION), "KITTI": format_calibration(VIEW.camera)}[calibration]
+    )
+    result = estimate(
+        model, "--calib", "camera.any", "--pitch-deg", np.degrees(VIEW.pitch), boxes="boxes.any"
+    )
+    assert result.exit_code == 0, result.stderr
+    (car,) = json.loads(result.stdout)["objects"]
+    np.testing.assert_allclose(car["bbox"], BOX, atol=1e-9)
+    np.testing.assert_allclose(car["t"], T, atol=0.15)
+
+
+def test_boxes_may_bring_the_camera_and_the_truth(street, model):
+    camera = {name: CALIBRATION[name] for name in ("fx", "fy", "cx", "cy")}
+    dump("boxes.json", {"camera": camera, "pitch_deg": CALIBRATION["pitch_deg"], "objects": [CAR]})
+    result = estimate(model, "--format", "table")
+    assert result.exit_code == 0
+    assert "error" in result.stdout
+    assert " m " in result.stdout.splitlines()[-1]
+
+
+@pytest.fixture
+def drive(street) -> Path:
+    """Five pictures, one of them broken, one without boxes."""
+    for i in range(4):
+        picture(street / "images" / f"00000{i}.png")
+        dump(f"boxes/00000{i}.txt", kitti(("Car", BOX), ("Pedestrian", BOX), ("Van", BOX)))
+        dump(f"calib/00000{i}.txt", format_calibration(VIEW.camera))
+    picture(street / "images" / "000009.png")
+    dump("images/000002.png", "no picture")
+    dump("images/notes.txt", "passed over")
+    return street
+
+
+def test_a_folder_loses_only_what_is_bad(drive, model, undrawn):
+    result = estimate(model, "--calib", "calib", "-o", "out", source="images", boxes="boxes")
+    assert result.exit_code == 1
+    assert [(line["id"], len(line["objects"])) for line in lines("out/poses.jsonl")] == [
+        ("000000", 2),
+        ("000001", 2),
+        ("000003", 2),
+    ]
+    assert {path.name for path in Path("out").glob("*.png")} == {f"00000{i}_poses.png" for i in (0, 1, 3)}
+    errors = result.stderr.splitlines()
+    assert errors == [
+        "error: images/000002.png: expected a picture, got another kind of file",
+        "error: boxes: expected a file 000009.*, got none",
+        "left out: 3 x Pedestrian, no vehicle",
+        "error: images: 2 of 5 images left out",
+    ]
+
+
+def test_a_folder_with_one_file_for_all(drive, model):
+    coco = {
+        "images": [{"id": i, "file_name": f"left/00000{i}.png"} for i in range(4)],
+        "annotations": [{"image_id": i, "bbox": [100, 100, 80, 60], "score": 0.1 * i} for i in range(4)],
+    }
+    dump("coco.json", coco)
+    arguments = (
+        "--calib",
+        "camera.json",
+        "--format",
+        "kitti",
+        "-o",
+        "out",
+        "--no-pictures",
+        "--min-score",
+        0.15,
+    )
+    result = estimate(model, *arguments, source="images", boxes="coco.json")
+    assert result.exit_code == 1
+    texts = {path.name: path.read_text() for path in Path("out").iterdir()}
+    assert {name: text.count("\n") for name, text in texts.items()} == {
+        "000000.txt": 0,
+        "000001.txt": 0,
+        "000003.txt": 1,
+    }
+    assert texts["000003.txt"].startswith("Car -1 -1 ")
+    assert texts["000003.txt"].endswith(" 0.3000\n")  # the detector's score
+    assert "left out: 2 x score below 0.15" in result.stderr
+    assert "coco.json: expected boxes of 000009.png, got none" in result.stderr
+
+
+def test_objects_that_cannot_be_are_kept_with_their_status(street, model, undrawn):
+    dump("boxes.json", [[0, 0, 0, 0], CAR["bbox"], [700, 10, 800, 60], [100, 50, 90, 70], [None, 1, 2, 3]])
+    result = estimate(model, "--calib", "camera.json", "-o", "o.jsonl")
+    assert result.exit_code == 0, result.stderr
+    objects = lines("o.jsonl")[0]["objects"]
+    assert [o["status"] == "ok" for o in objects] == [False, True, False, False, False]
+    np.testing.assert_allclose(objects[1]["t"], lines_of_the_car_alone(model)["t"])
+    assert objects[0]["model"] == ""
+    assert objects[0]["model_probability"] is None
+    dump("boxes.json", [])
+    result = estimate(model, "--calib", "camera.json")
+    assert json.loads(result.stdout)["objects"] == []
+
+
+def lines_of_the_car_alone(model: Path) -> dict:
+    dump("alone.json", [CAR["bbox"]])
+    return json.loads(estimate(model, "--calib", "camera.json", boxes="alone.json").stdout)["objects"][0]
+
+
+def test_an_interruption_keeps_what_is_done(drive, model, undrawn, monkeypatch):
+    calls = itertools.count()
+
+    def interrupted(path):
+        if next(calls) == 2:
+            raise KeyboardInterrupt
+        return stand_in_reader(path)
+
+    from groundpose import cli_images
+
+    stand_in_reader = cli_images.as_rgb
+    monkeypatch.setattr(cli_images, "as_rgb", interrupted)
+    result = estimate(model, "--calib", "calib", "-o", "out", source="images", boxes="boxes")
+    assert result.exit_code == 130
+    assert [line["id"] for line in lines("out/poses.jsonl")] == ["000000", "000001"]
+    assert "interrupted; images finished and written: 2" in result.stderr
+
+
+MISTAKES = {
+    "no such image": ({"source": "none.png"}, "none.png: No such file"),
+    "no picture": ({"source": "camera.json"}, "camera.json: expected a picture, got another kind of file"),
+    "no boxes file": ({"boxes": "none.json"}, "none.json: No such file"),
+    "no boxes in it": ({"boxes": "camera.json"}, "camera.json: expected 2D boxes"),
+    "no calibration": (
+        {"calib": None},
+        "--calib: expected a file with the camera, which the boxes do not tell",
+    ),
+    "no such calibration": ({"calib": "none.txt"}, "none.txt: No such file"),
+    "another file": ({"calib": "boxes.json"}, "boxes.json: expected a calibration"),
+    "16 bits": ({"source": "deep.png"}, "deep.png: expected 8 bits a channel"),
+    "image of another size": (
+        {"calib": "wide.json"},
+        "street.png: image: expected the camera's size (1000, 300)",
+    ),
+    "no model": ({"model": "none.onnx"}, "none.onnx: No such file"),
+    "no model of ours": ({"model": "boxes.json"}, "boxes.json: expected an ONNX network"),
+    "model with other keypoints": (
+        {"model": "other.onnx"},
+        "other.onnx: expected the keypoints of this version",
+    ),
+    "boxes of one image for many": ({"source": "many"}, "boxes.json: expected boxes that name their images"),
+    "folder without pictures": ({"source": "empty"}, "empty: expected a folder with pictures, got none"),
+    "result over the boxes": (
+        {"out": "boxes.json"},
+        "-o boxes.json: boxes.json is an input; give another name",
+    ),
+    "lines beside a picture over the camera": ({"out": "camera.png", "calib": "camera.jsonl"}, "is an input"),
+    "result over the image": ({"out": "street.jsonl"}, "street.png: is the image; give the picture another"),
+}
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_a_mistake_is_one_line_and_status_2(case, street, model):
+    Image.fromarray(np.full((300, 640), 40000, dtype=np.uint16)).save("deep.png")
+    dump("wide.json", {**CALIBRATION, "image_size": [1000, 300]})
+    stand_in.write(street / "other.onnx", keypoints='["nose"]')
+    picture(street / "many" / "a.png")
+    Path("empty").mkdir()
+    changes, text = MISTAKES[case]
+    given = {
+        "source": "street.png",
+        "boxes": "boxes.json",
+        "calib": "camera.json",
+        "model": model,
+        "out": "o",
+    } | changes
+    calibration = () if given["calib"] is None else ("--calib", given["calib"])
+    dump("camera.jsonl", CALIBRATION)
+    before = {path: path.read_bytes() for path in Path().glob("*.*")}
+    result = estimate(
+        given["model"], *calibration, "-o", given["out"], source=given["source"], boxes=given["boxes"]
+    )
+    assert result.exit_code == 2
+    assert text in one_line(result)
+    assert all(path.read_bytes() == content for path, content in before.items())
+
+
+def test_without_a_bundled_network_it_says_what_to_do(street, monkeypatch):
+    monkeypatch.setattr("groundpose.keypoints.network.BUNDLED", street / "default.onnx")
+    result = run("estimate", "street.png", "--boxes", "boxes.json", "--calib", "camera.json")
+    assert result.exit_code == 2
+    assert "--model FILE" in one_line(result)
+
+
+def frames_of(count: int):
+    return [np.full((SIZE[1], SIZE[0], 3), 100 + i, dtype=np.uint8) for i in range(count)]
+
+
+def test_a_video_is_a_row_of_numbered_images(street, model, undrawn, monkeypatch):
+    monkeypatch.setattr(cli_inputs, "_VIDEO_READERS", {"json": lambda path: iter(frames_of(3))})
+    dump("drive.mp4", "")
+    rows = [{"image_id": i, "bbox": [100, 100, 80, 60]} for i in range(3)]
+    dump("boxes.json", rows)
+    result = estimate(model, "--calib", "camera.json", "-o", "out", source="drive.mp4")
+    assert result.exit_code == 0, result.stderr
+    assert [line["id"] for line in lines("out/poses.jsonl")] == [0, 1, 2]
+    assert {path.name for path in Path("out").glob("*.png")} == {f"00000{i}_poses.png" for i in range(3)}
+
+
+def test_a_video_that_nothing_reads(street, model, monkeypatch):
+    dump("drive.mp4", "no video")
+    dump("boxes.json", [{"image_id": 0, "bbox": [100, 100, 80, 60]}])
+    monkeypatch.setattr(cli_inputs, "_VIDEO_READERS", {"json": lambda path: iter(())})
+    result = estimate(model, "--calib", "camera.json", source="drive.mp4")
+    assert "drive.mp4: expected a video, got a file without frames" in one_line(result)
+    monkeypatch.setattr(cli_inputs, "_VIDEO_READERS", {"no_such_package": None})
+    result = estimate(model, "--calib", "camera.json", source="drive.mp4")
+    assert result.exit_code == 2
+    assert "give a folder of its frames" in one_line(result)
+
+
+def test_opencv_gives_red_green_blue(tmp_path):
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed")
+    path = tmp_path / "red.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, (64, 48))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no videos")
+    red = np.zeros((48, 64, 3), np.uint8)
+    red[..., 2] = 200
+    for _ in range(3):
+        writer.write(red)
+    writer.release()
+    frames = list(cli_inputs.video(path))
+    assert len(frames) == 3
+    assert frames[0].mean(axis=(0, 1)).argmax() == 0
