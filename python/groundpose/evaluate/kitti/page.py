@@ -110,11 +110,15 @@ def _headline(content: Content) -> Iterator[str]:
 
 def _curves(content: Content) -> Iterator[str]:
     yield html.text("h2", "By distance and by tilt")
-    for what, label in _CURVES:
-        if any(len(_shown(method[f"by {what}"])) > 1 for method in content["methods"]):
-            yield html.figure(
-                _curve(content, what, label), f"By {what}; groups of {_FEWEST} objects and more."
-            )
+    enough = [
+        (what, label)
+        for what, label in _CURVES
+        if any(len(_shown(method[f"by {what}"])) > 1 for method in content["methods"])
+    ]
+    if not enough:
+        yield html.text("p", f"A curve needs two groups of {_FEWEST} objects and more.")
+    for what, label in enough:
+        yield html.figure(_curve(content, what, label), f"By {what}; groups of {_FEWEST} objects and more.")
 
 
 def _curve(content: Content, what: str, label: str) -> Figure:
