@@ -21,6 +21,8 @@ pub(crate) struct Hypothesise<'a> {
     pub(crate) observation: &'a Observation<'a>,
     /// Fewest samples drawn, however good the first is.
     pub(crate) min_draws: usize,
+    /// Largest depth of a hypothesis, metres.
+    pub(crate) farthest: f64,
 }
 
 /// The box as given; unknown sides are NaN.
@@ -35,15 +37,16 @@ pub(crate) fn usable_bbox(view: &View, observation: &Observation) -> Bbox {
 }
 
 impl Hypothesise<'_> {
-    /// Fills `candidates`; the solver that was used, and what the search did. Object `index` of a batch has draws of
+    /// Fills `candidates` with the hypotheses of a solver; what the search did. Object `index` of a batch has draws of
     /// its own.
     pub(crate) fn run(
         &self,
+        solver: Solver,
+        bbox: &Bbox,
         points: &mut Points,
         index: u64,
         candidates: &mut Candidates,
-    ) -> (Solver, RansacStatistics) {
-        let (solver, bbox) = self.choose_solver();
+    ) -> RansacStatistics {
         let mut stream = Stream::new(self.options.seed, index);
         self.order_draws(points, &mut stream);
         let (view, observation) = (self.view, self.observation);
@@ -58,21 +61,21 @@ impl Hypothesise<'_> {
             confidence: self.options.confidence,
             max_iterations: self.options.max_iterations,
             min_draws: self.min_draws,
+            farthest: self.farthest,
         };
-        let statistics = match solver {
-            Solver::P1p => search.one_point(&P1p::new(view, observation, &bbox, self.options.cases), order, candidates),
+        match solver {
+            Solver::P1p => search.one_point(&P1p::new(view, observation, bbox, self.options.cases), order, candidates),
             Solver::P1pHeight => match view.height {
-                Some(height) => search.one_point(&P1pHeight::new(view, observation, &bbox, height), order, candidates),
+                Some(height) => search.one_point(&P1pHeight::new(view, observation, bbox, height), order, candidates),
                 None => RansacStatistics::default(),
             },
             Solver::P3p => search.many_points(&P3p::new(&view.camera, observation), &mut stream, candidates),
             Solver::Up2p | Solver::Auto => search.many_points(&Up2p::new(view, observation), &mut stream, candidates),
-        };
-        (solver, statistics)
+        }
     }
 
     /// The solver asked for with the box as given, or the one that the usable box sides allow.
-    fn choose_solver(&self) -> (Solver, Bbox) {
+    pub(crate) fn choose_solver(&self) -> (Solver, Bbox) {
         if self.options.solver != Solver::Auto {
             return (self.options.solver, given_bbox(self.observation));
         }

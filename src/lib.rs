@@ -92,6 +92,7 @@ pub mod error;
 pub mod estimate;
 pub mod frame;
 mod hypothesise;
+mod job;
 mod lanes;
 mod lm;
 pub mod loss;

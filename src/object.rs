@@ -132,6 +132,8 @@ pub struct ShapeModel<'a> {
     basis: &'a [[f64; 3]],
     eigenvalues: &'a [f64],
     bbox_3d: [[f64; 3]; 2],
+    /// One row per mode, or none.
+    bbox_basis: &'a [[[f64; 3]; 2]],
     footprint: Footprint,
 }
 
@@ -149,7 +151,7 @@ impl<'a> ShapeModel<'a> {
             require(min < max, "bbox_3d", "[min, max] with min < max on every axis", Got::Pair(min, max))?;
         }
         let footprint = Footprint::rectangle(&bbox_3d);
-        Ok(Self { mean: keypoints_3d, basis: &[], eigenvalues: &[], bbox_3d, footprint })
+        Ok(Self { mean: keypoints_3d, basis: &[], eigenvalues: &[], bbox_3d, bbox_basis: &[], footprint })
     }
 
     /// The same model with modes of variation: `basis[j * P + i]` moves keypoint `i` in mode `j`,
@@ -173,6 +175,33 @@ impl<'a> ShapeModel<'a> {
         }
         self.basis = basis;
         self.eigenvalues = eigenvalues;
+        self.bbox_basis = &[];
+        Ok(self)
+    }
+
+    /// The same model with a 3D box that follows its shape: `bbox_basis[j]` moves `[min, max]` in mode `j` of
+    /// [`ShapeModel::with_modes`]. A van and a bus are one class; the mean box fits neither.
+    ///
+    /// ```
+    /// use groundpose::object::ShapeModel;
+    ///
+    /// let mean = [[-0.5, -1.4, 0.0], [0.5, -1.4, 0.0]];
+    /// let lifts_both = [[0.0, -0.125, 0.0], [0.0, -0.125, 0.0]];
+    /// let lifts_the_roof = [[[0.0, -0.125, 0.0], [0.0; 3]]];
+    /// let model = ShapeModel::rigid(&mean, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?
+    ///     .with_modes(&lifts_both, &[1.0])?
+    ///     .with_bbox_basis(&lifts_the_roof)?;
+    /// assert_eq!(model.bbox_3d_of(&[2.0]), [[-0.9, -1.75, -2.2], [0.9, 0.0, 2.2]]);
+    /// # Ok::<(), groundpose::error::InputError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Not one row per mode, numbers that are not finite.
+    pub fn with_bbox_basis(mut self, bbox_basis: &'a [[[f64; 3]; 2]]) -> Result<Self, InputError> {
+        let rows = bbox_basis.len();
+        require(rows == self.eigenvalues.len(), "bbox_basis", "one row per mode", Got::Count(rows))?;
+        require_finite(bbox_basis.as_flattened(), "bbox_basis")?;
+        self.bbox_basis = bbox_basis;
         Ok(self)
     }
 
@@ -183,9 +212,10 @@ impl<'a> ShapeModel<'a> {
         basis: &'a [[f64; 3]],
         eigenvalues: &'a [f64],
         bbox_3d: [[f64; 3]; 2],
+        bbox_basis: &'a [[[f64; 3]; 2]],
         footprint: Footprint,
     ) -> Self {
-        Self { mean, basis, eigenvalues, bbox_3d, footprint }
+        Self { mean, basis, eigenvalues, bbox_3d, bbox_basis, footprint }
     }
 
     /// The same model with an outline finer than the rectangle of its 3D box.
@@ -220,13 +250,32 @@ impl<'a> ShapeModel<'a> {
         self.basis[j * self.mean.len() + i]
     }
 
-    /// 3D box `[min, max]`, metres, object frame.
+    /// 3D box `[min, max]` of the mean shape, metres, object frame.
     #[must_use]
     pub fn bbox_3d(&self) -> &[[f64; 3]; 2] {
         &self.bbox_3d
     }
 
-    /// Outline in the bird's-eye view.
+    /// How the 3D box moves in each mode; empty when it does not.
+    #[must_use]
+    pub fn bbox_basis(&self) -> &'a [[[f64; 3]; 2]] {
+        self.bbox_basis
+    }
+
+    /// 3D box `[min, max]` of the shape with these coefficients.
+    #[inline]
+    #[must_use]
+    pub fn bbox_3d_of(&self, coefficients: &[f64]) -> [[f64; 3]; 2] {
+        let mut bbox_3d = self.bbox_3d;
+        for (lambda, row) in coefficients.iter().zip(self.bbox_basis) {
+            for (x, b) in bbox_3d.as_flattened_mut().iter_mut().zip(row.as_flattened()) {
+                *x += lambda * b;
+            }
+        }
+        bbox_3d
+    }
+
+    /// Outline in the bird's-eye view, of the mean shape.
     #[must_use]
     pub fn footprint(&self) -> &Footprint {
         &self.footprint

@@ -9,7 +9,8 @@ use crate::score::Scoring;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Solver {
-    /// P1P where both sides of the box are known; else P1P with the camera's height, else UP2P.
+    /// P1P where both sides of the box are known; else P1P with the camera's height, else UP2P. In the default
+    /// refinement UP2P has a second try where chance explains the answer nearly as well: the better one is kept.
     Auto = 0,
     /// RNSC-P1P: one keypoint, two box sides, tilt.
     P1p = 1,
@@ -24,6 +25,15 @@ pub enum Solver {
 impl Solver {
     /// Names in order; the first stands for [`Solver::Auto`] among options and for "no solver ran" in results.
     pub const NAMES: [&'static str; 5] = ["none", "p1p", "p3p", "up2p", "p1p_height"];
+
+    /// Keypoints that make a hypothesis.
+    pub(crate) fn sample_size(self) -> usize {
+        match self {
+            Solver::Auto | Solver::P1p | Solver::P1pHeight => 1,
+            Solver::Up2p => 2,
+            Solver::P3p => 3,
+        }
+    }
 }
 
 /// How poses are estimated. `Options::default()` is the place of every default.

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::camera::View;
 use crate::loss::Kernel;
 use crate::math::square;
-use crate::normal::{Normal, State, add_pose_row};
+use crate::normal::{Normal, State, add_pose_row, add_row};
 use crate::object::ShapeModel;
 use crate::residual::point_jacobian;
 
@@ -42,18 +42,22 @@ pub(crate) struct PriorTerms<'a> {
 impl PriorTerms<'_> {
     /// Adds all of them to normal equations and cost.
     pub(crate) fn add<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
-        normal.cost += self.cost(state);
+        let sides = self.bbox_residuals(state);
+        normal.cost += self.cost_with(state, &sides);
         self.add_tilt_rows(state, normal);
         self.add_shape_rows(state, normal);
-        self.add_bbox_rows(state, normal);
+        self.add_bbox_rows(state, &sides, normal);
     }
 
     /// Their cost (pixels squared, halved).
     pub(crate) fn cost(&self, state: &State) -> f64 {
+        self.cost_with(state, &self.bbox_residuals(state))
+    }
+
+    fn cost_with(&self, state: &State, sides: &[Option<Side>; 4]) -> f64 {
         let p = self.priors;
         let tilt = self.tilt_kernel().map_or(0.0, |(kernel, scale)| scale * kernel.evaluate(self.tilt(state).norm2).0);
         let bbox = self.bbox_kernel().map_or(0.0, |(kernel, scale)| {
-            let sides = self.bbox_residuals(state);
             sides.iter().flatten().map(|side| scale * kernel.evaluate(square(side.residual)).0).sum()
         });
         let precision = if p.shape { square(p.noise_sigma) } else { 0.0 };
@@ -114,16 +118,30 @@ impl PriorTerms<'_> {
     }
 
     /// For each known side the outermost corner of the projected 3D box against it; none when a corner is behind
-    /// the camera.
+    /// the camera, or when the box takes no part. The footprint is stretched with the box.
     fn bbox_residuals(&self, state: &State) -> [Option<Side>; 4] {
-        let (camera, pose) = (&self.view.camera, &state.pose);
-        let [min, max] = self.model.bbox_3d();
+        if self.bbox_kernel().is_none() {
+            return [None; 4];
+        }
+        let (camera, pose, model) = (&self.view.camera, &state.pose, self.model);
+        let [min, max] = model.bbox_3d_of(&state.coefficients);
+        let stretch = |axis: usize| {
+            if model.bbox_basis().is_empty() {
+                return (1.0, 0.0);
+            }
+            let [mean_min, mean_max] = model.bbox_3d();
+            let factor = (max[axis] - min[axis]) / (mean_max[axis] - mean_min[axis]);
+            (factor, min[axis] - factor * mean_min[axis])
+        };
+        let ((x_factor, x_offset), (z_factor, z_offset)) = (stretch(0), stretch(2));
+        let down: Vector3<f64> = pose.r.column(1).into();
         // Coordinates of right and bottom are negated, so that the outermost is always the smallest.
         let mut outermost = [(f64::INFINITY, [0.0; 3]); 4];
-        for &[x, z] in self.model.footprint().corners() {
+        for &[x, z] in model.footprint().corners() {
+            let (x, z) = (x_factor * x + x_offset, z_factor * z + z_offset);
+            let level = pose.transform([x, 0.0, z]);
             for y in [min[1], max[1]] {
-                let corner = [x, y, z];
-                let point = pose.transform(corner);
+                let point = level + down * y;
                 if point.z <= 0.0 {
                     return [None; 4];
                 }
@@ -131,7 +149,7 @@ impl PriorTerms<'_> {
                 let (u, v) = (camera.fx * point.x * inverse, camera.fy * point.y * inverse);
                 for (best, coordinate) in outermost.iter_mut().zip([u, v, -u, -v]) {
                     if coordinate < best.0 {
-                        *best = (coordinate, corner);
+                        *best = (coordinate, [x, y, z]);
                     }
                 }
             }
@@ -144,16 +162,29 @@ impl PriorTerms<'_> {
         })
     }
 
-    fn add_bbox_rows<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
+    fn add_bbox_rows<const D: usize>(&self, state: &State, sides: &[Option<Side>; 4], normal: &mut Normal<D>) {
         let Some((kernel, scale)) = self.bbox_kernel() else { return };
-        for side in self.bbox_residuals(state).into_iter().flatten() {
+        for side in sides.iter().flatten() {
             let weight = scale * kernel.evaluate(square(side.residual)).1;
             if weight == 0.0 {
                 continue;
             }
-            if let Some(jacobian) = point_jacobian(&self.view.camera, &state.pose, side.corner, [0.0; 2]) {
-                add_pose_row(normal, &jacobian.pose[side.axis], side.residual, weight);
+            let Some(jacobian) = point_jacobian(&self.view.camera, &state.pose, side.corner, [0.0; 2]) else {
+                continue;
+            };
+            let (pose, point) = (&jacobian.pose[side.axis], &jacobian.point[side.axis]);
+            if D == 6 || self.model.bbox_basis().is_empty() {
+                add_pose_row(normal, pose, side.residual, weight);
+                continue;
             }
+            let mut row = [0.0; D];
+            row[..6].copy_from_slice(pose);
+            let [min, max] = self.model.bbox_3d_of(&state.coefficients);
+            let share = [0, 1, 2].map(|axis| (side.corner[axis] - min[axis]) / (max[axis] - min[axis]));
+            for (entry, [min, max]) in row[6..].iter_mut().zip(self.model.bbox_basis()) {
+                *entry = (0..3).map(|axis| point[axis] * (min[axis] + share[axis] * (max[axis] - min[axis]))).sum();
+            }
+            add_row(normal, &row, side.residual, weight);
         }
     }
 }

@@ -111,6 +111,8 @@ pub(crate) struct Search<'a> {
     pub(crate) max_iterations: usize,
     /// One-point draws made in any case: a drawn inlier may still be a noisy one.
     pub(crate) min_draws: usize,
+    /// Largest depth of a hypothesis, metres.
+    pub(crate) farthest: f64,
 }
 
 impl Search<'_> {
@@ -199,8 +201,11 @@ impl<'a, 'b> Run<'a, 'b> {
 
     #[inline]
     fn score(&mut self, pose: Pose) {
-        self.hypotheses += 1;
         let s = self.search;
+        if pose.t.z > s.farthest {
+            return;
+        }
+        self.hypotheses += 1;
         let tau2 = s.inlier_threshold * s.inlier_threshold;
         let projection = Projection::new(s.camera, &pose);
         let cost = cost(s.unit, s.blocks, &projection, s.scoring, tau2, self.candidates.bound());

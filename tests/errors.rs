@@ -76,6 +76,7 @@ fn objects() {
     let points = [[0.0; 3]; 2];
     let model = || ShapeModel::rigid(&points, BOX).unwrap();
     let modes = |basis: &[[f64; 3]], eigenvalues: &[f64]| done(model().with_modes(basis, eigenvalues));
+    let ten_modes = || model().with_modes(&[[0.0; 3]; 2 * MAX_MODES], &[1.0; MAX_MODES]).unwrap();
     let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let outline = |corners: &[[f64; 2]]| done(Footprint::new(corners));
     assert_named([
@@ -96,6 +97,8 @@ fn objects() {
         (modes(&[[0.0; 3]; 3], &[1.0]), "basis", "3"),
         (modes(&[[0.0, NAN, 0.0]; 2], &[1.0]), "basis", "NaN or infinite"),
         (modes(&[[0.0; 3]; 2], &[0.0]), "eigenvalues", "0"),
+        (done(model().with_bbox_basis(&[[[0.0; 3]; 2]])), "bbox_basis", "1"),
+        (done(ten_modes().with_bbox_basis(&[[[0.0, INF, 0.0]; 2]; MAX_MODES])), "bbox_basis", "NaN or infinite"),
     ]);
 }
 

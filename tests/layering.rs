@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the bottom of the house to its roof. Below `minimal` its parts, in their own order.
-const ORDER: [&str; 35] = [
+const ORDER: [&str; 36] = [
     "error",
     "math",
     "simd",
@@ -36,6 +36,7 @@ const ORDER: [&str; 35] = [
     "points",
     "hypothesise",
     "covariance",
+    "job",
     "estimate",
     "frame",
     "batch",

@@ -259,6 +259,7 @@ fn change_of_the_tilt() {
             basis: vec![],
             eigenvalues: vec![],
             bbox_3d,
+            bbox_basis: vec![],
             footprint: None,
             bbox: groundpose::synthetic::projected_bbox(&camera, &truth, &bbox_3d),
             scores: None,

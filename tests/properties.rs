@@ -209,6 +209,7 @@ fn odd_case(random: &mut Random, size: usize) -> Result<Case, InputError> {
             basis: vec![],
             eigenvalues: vec![],
             bbox_3d: [low, low.map(|x| x + odd_number(random, 0.5, 5.0))],
+            bbox_basis: vec![],
             footprint: None,
             bbox: None,
             scores: None,
@@ -235,6 +236,10 @@ fn odd_case(random: &mut Random, size: usize) -> Result<Case, InputError> {
         let modes = pick(random, &[1, 3, 5, 8, 10]);
         case.basis = odd_points(random, modes * count, [[-0.2, 0.2]; 3]);
         case.eigenvalues = (0..modes).map(|_| odd_number(random, 0.1, 2.0).abs()).collect();
+        if random.next().is_multiple_of(2) {
+            let corners = odd_points(random, 2 * modes, [[-0.5, 0.5]; 3]);
+            case.bbox_basis = corners.as_chunks().0.to_vec();
+        }
     }
     Ok(case)
 }

@@ -89,6 +89,7 @@ class Model:
         basis: _Floats | None = None,
         eigenvalues: _Floats | None = None,
         footprint: _Floats | None = None,
+        bbox_basis: _Floats | None = None,
     ) -> Model: ...
     @property
     def footprint(self) -> _Floats: ...

@@ -18,6 +18,7 @@ from groundpose.types import Value
 FILE_VERSION = 1
 
 _ARRAYS = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues")
+_OPTIONAL = ("footprint", "bbox_basis")
 
 # Modes whose standard deviation is below this share of the model's size are rounding errors of equal models.
 _NO_DEVIATION = 1e-12
@@ -39,6 +40,7 @@ class ShapeModel(Value):
         footprint: (C, 2) metres, `[x, z]` corners of the convex outline seen from above, in order;
             None: the rectangle of `bbox_3d`.
         name: of the class.
+        bbox_basis: (M, 2, 3) metres, how the 3D box moves in each mode; None: it stays that of the mean.
 
     Raises:
         InputError: a shape or value that cannot be. TypeError: not numbers.
@@ -51,6 +53,7 @@ class ShapeModel(Value):
     keypoint_names: tuple[str, ...]
     footprint: FloatArray | None
     name: str
+    bbox_basis: FloatArray | None
     _handle: _core.Model = field(init=False)
 
     def __init__(
@@ -62,6 +65,7 @@ class ShapeModel(Value):
         keypoint_names: Sequence[str] = (),
         footprint: object = None,
         name: str = "",
+        bbox_basis: object = None,
     ) -> None:
         """Check and copy the arrays."""
         mean = _checked("keypoints_3d", keypoints_3d, ("P", 3))
@@ -81,9 +85,11 @@ class ShapeModel(Value):
             ),
         }
         outline = None if footprint is None else _checked("footprint", footprint, ("C", 2))
+        follows = None if bbox_basis is None else _checked("bbox_basis", bbox_basis, (len(modes), 2, 3))
         names = _names(keypoint_names, count)
-        handle = _core.Model(**arrays, footprint=outline)
-        self._set(**arrays, footprint=outline, keypoint_names=names, name=text("name", name), _handle=handle)
+        handle = _core.Model(**arrays, footprint=outline, bbox_basis=follows)
+        self._set(**arrays, footprint=outline, bbox_basis=follows, keypoint_names=names)
+        self._set(name=text("name", name), _handle=handle)
 
     def __repr__(self) -> str:
         """Name and sizes."""
@@ -102,9 +108,20 @@ class ShapeModel(Value):
 
     def keypoints(self, shape_coefficients: object = ()) -> FloatArray:
         """Keypoints (P, 3), metres, of the shape with coefficients (M,); without any, the mean."""
-        given = shape_coefficients if np.size(shape_coefficients) else np.zeros(self.modes)  # type: ignore[arg-type]
-        coefficients = shaped("shape_coefficients", given, (self.modes,))
-        return np.asarray(self.keypoints_3d + np.tensordot(coefficients, self.basis, axes=1))
+        return np.asarray(
+            self.keypoints_3d + np.tensordot(self._coefficients(shape_coefficients), self.basis, axes=1)
+        )
+
+    def bbox_3d_of(self, shape_coefficients: object = ()) -> FloatArray:
+        """3D box (2, 3), metres, of the shape with coefficients (M,); the mean's without `bbox_basis`."""
+        coefficients = self._coefficients(shape_coefficients)
+        if self.bbox_basis is None:
+            return self.bbox_3d
+        return np.asarray(self.bbox_3d + np.tensordot(coefficients, self.bbox_basis, axes=1))
+
+    def _coefficients(self, given: object) -> FloatArray:
+        coefficients = given if np.size(given) else np.zeros(self.modes)  # type: ignore[arg-type]
+        return shaped("shape_coefficients", coefficients, (self.modes,))
 
     @classmethod
     def fit(
@@ -123,7 +140,8 @@ class ShapeModel(Value):
             models: (S, P, 3) metres, keypoints of S models in one object frame (aligned already).
             modes: number of components kept, at most S - 1; components without variance (equal
                 models) are left out.
-            bbox_3d: (2, 3), or (S, 2, 3) for the mean box of the models; None: extent of the mean.
+            bbox_3d: (2, 3), or (S, 2, 3), the box of each model: the mean box, which follows the shape by
+                least squares; None: extent of the mean.
             keypoint_names, footprint, name: as of the class.
 
         The modes are orthonormal over all coordinates and a coefficient's variance over the models
@@ -143,16 +161,17 @@ class ShapeModel(Value):
         _, s, components = np.linalg.svd((stack - mean).reshape(count, -1), full_matrices=False)
         variance = s[:modes] ** 2 / max(count - 1, 1)
         kept = variance > _NO_DEVIATION**2 * np.sum(mean**2)
+        components = components[:modes][kept]
         bbox = None if bbox_3d is None else shaped("bbox_3d", bbox_3d, (2, 3), (count, 2, 3))
-        return cls(
-            mean,
-            bbox if bbox is None or bbox.ndim == 2 else bbox.mean(axis=0),
-            components[:modes][kept].reshape(-1, *mean.shape),
-            variance[kept],
-            tuple(keypoint_names),
-            footprint,
-            name,
-        )
+        bbox_basis = None
+        if bbox is not None and bbox.ndim == 3:
+            coefficients = (stack - mean).reshape(count, -1) @ components.T
+            each, bbox = finite("bbox_3d", bbox), bbox.mean(axis=0)
+            # Coefficients are uncorrelated: the regression is one mode at a time.
+            moved = np.tensordot(coefficients.T, each - bbox, axes=1)
+            bbox_basis = moved / np.square(coefficients).sum(axis=0)[:, None, None]
+        basis = components.reshape(-1, *mean.shape)
+        return cls(mean, bbox, basis, variance[kept], tuple(keypoint_names), footprint, name, bbox_basis)
 
     def scaled(self, length: float, height: float, width: float) -> ShapeModel:
         """The model stretched along its axes about the origin, so that its 3D box has this size (metres).
@@ -165,6 +184,7 @@ class ShapeModel(Value):
                 raise input_error(side, "a positive number of metres", value)
         factor = np.array(wanted) / (self.bbox_3d[1] - self.bbox_3d[0])
         footprint = None if self.footprint is None else self.footprint * factor[[0, 2]]
+        bbox_basis = None if self.bbox_basis is None else self.bbox_basis * factor
         return ShapeModel(
             self.keypoints_3d * factor,
             self.bbox_3d * factor,
@@ -173,13 +193,14 @@ class ShapeModel(Value):
             self.keypoint_names,
             footprint,
             self.name,
+            bbox_basis,
         )
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the model to `path` (.npz, arrays and strings only)."""
         arrays = {key: getattr(self, key) for key in _ARRAYS}
-        if self.footprint is not None:
-            arrays["footprint"] = self.footprint
+        optional = {key: getattr(self, key) for key in _OPTIONAL}
+        arrays |= {key: array for key, array in optional.items() if array is not None}
         names = np.array(self.keypoint_names, dtype=np.str_)
         with Path(path).open("wb") as file:  # np.savez would add a suffix to a bare path
             np.savez(file, version=FILE_VERSION, name=self.name, keypoint_names=names, **arrays)
@@ -203,7 +224,8 @@ class ShapeModel(Value):
             names, name = tuple(content["keypoint_names"].tolist()), str(content["name"])
         except KeyError as error:
             raise input_error(str(path), f"an array {error}", sorted(content)) from None
-        return cls(mean, bbox, basis, variances, names, content.get("footprint"), name)
+        optional = {key: content.get(key) for key in _OPTIONAL}
+        return cls(mean, bbox, basis, variances, names, name=name, **optional)
 
 
 def extent(points: FloatArray) -> FloatArray:

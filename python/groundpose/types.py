@@ -199,7 +199,8 @@ class Options(Value):
             the longer side of the object's 2D box.
         relative_threshold: see above.
         confidence: wanted probability of having drawn one good sample (the stop rule of RANSAC).
-        solver: "auto" (by what is known of the box), "p1p", "p3p", "up2p" or "p1p_height".
+        solver: "auto" (by what is known of the box; in the default refinement "up2p" has a second try
+            where the answer is doubtful), "p1p", "p3p", "up2p" or "p1p_height".
         cases: pairs of footprint corners the one-point solver tries: "all" or the four of the "paper".
         scoring: "msac" (truncated squared error) or "inliers" (their number).
         refinement: "default", "hre" (paper, algorithm 1), "re" (its robust stage alone),

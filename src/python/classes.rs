@@ -157,12 +157,20 @@ pub(crate) struct ModelData {
     basis: Vec<[f64; 3]>,
     eigenvalues: Vec<f64>,
     bbox_3d: [[f64; 3]; 2],
+    bbox_basis: Vec<[[f64; 3]; 2]>,
     footprint: Footprint,
 }
 
 impl ModelData {
     pub(crate) fn shape_model(&self) -> ShapeModel<'_> {
-        ShapeModel::checked_before(&self.mean, &self.basis, &self.eigenvalues, self.bbox_3d, self.footprint)
+        ShapeModel::checked_before(
+            &self.mean,
+            &self.basis,
+            &self.eigenvalues,
+            self.bbox_3d,
+            &self.bbox_basis,
+            self.footprint,
+        )
     }
 
     pub(crate) fn modes(&self) -> usize {
@@ -180,13 +188,14 @@ pub(crate) struct PyModel(pub(crate) Arc<ModelData>);
 #[pymethods]
 impl PyModel {
     #[new]
-    #[pyo3(signature = (keypoints_3d, bbox_3d, basis=None, eigenvalues=None, footprint=None))]
+    #[pyo3(signature = (keypoints_3d, bbox_3d, basis=None, eigenvalues=None, footprint=None, bbox_basis=None))]
     fn new(
         keypoints_3d: PyReadonlyArray2<'_, f64>,
         bbox_3d: PyReadonlyArray2<'_, f64>,
         basis: Option<PyReadonlyArray3<'_, f64>>,
         eigenvalues: Option<PyReadonlyArray1<'_, f64>>,
         footprint: Option<PyReadonlyArray2<'_, f64>>,
+        bbox_basis: Option<PyReadonlyArray3<'_, f64>>,
     ) -> PyResult<Self> {
         let mean = rows::<3, _>("keypoints_3d", &keypoints_3d)?.to_vec();
         let bbox_3d = fixed::<2, 3, _>("bbox_3d", &bbox_3d)?;
@@ -201,12 +210,22 @@ impl PyModel {
             }
             None => Vec::new(),
         };
+        let bbox_basis = match &bbox_basis {
+            Some(b) => {
+                require_shape("bbox_basis", &b.as_array(), &[eigenvalues.len(), 2, 3])?;
+                rows::<3, _>("bbox_basis", b)?.as_chunks().0.to_vec()
+            }
+            None => Vec::new(),
+        };
         let mut checked = ShapeModel::rigid(&mean, bbox_3d)?.with_modes(&basis, &eigenvalues)?;
+        if !bbox_basis.is_empty() {
+            checked = checked.with_bbox_basis(&bbox_basis)?;
+        }
         if let Some(footprint) = &footprint {
             checked = checked.with_footprint(Footprint::new(rows::<2, _>("footprint", footprint)?)?);
         }
         let footprint = *checked.footprint();
-        Ok(Self(Arc::new(ModelData { mean, basis, eigenvalues, bbox_3d, footprint })))
+        Ok(Self(Arc::new(ModelData { mean, basis, eigenvalues, bbox_3d, bbox_basis, footprint })))
     }
 
     #[getter]

@@ -27,6 +27,7 @@ struct Problem {
     view: View,
     mean: Vec<[f64; 3]>,
     basis: Vec<[f64; 3]>,
+    bbox_basis: Vec<[[f64; 3]; 2]>,
     pixels: Vec<[f64; 2]>,
     state: State,
     bbox: [f64; 4],
@@ -59,15 +60,18 @@ impl Problem {
         let extent = corners.fold([f64::INFINITY, f64::INFINITY, -f64::INFINITY, -f64::INFINITY], |b, [u, v]| {
             [b[0].min(u), b[1].min(v), b[2].max(u), b[3].max(v)]
         });
+        let bbox_basis: Vec<[[f64; 3]; 2]> =
+            (0..MODES).map(|_| [point(&mut random, [0.1; 3]), point(&mut random, [0.1; 3])]).collect();
         let centre = [camera.cx, camera.cy, camera.cx, camera.cy];
         let bbox = core::array::from_fn(|side| extent[side] - centre[side] + 5.0 * random.next());
-        Self { view, mean, basis, pixels, state: State { pose, coefficients }, bbox }
+        Self { view, mean, basis, bbox_basis, pixels, state: State { pose, coefficients }, bbox }
     }
 
     fn with_objective(&self, modes: usize, priors: Priors, f: impl FnOnce(Objective)) {
         let model = ShapeModel::rigid(&self.mean, BBOX_3D).unwrap();
         let eigenvalues = &[2.0, 1.0, 0.5][..modes];
         let model = model.with_modes(&self.basis[..modes * POINTS], eigenvalues).unwrap();
+        let model = model.with_bbox_basis(&self.bbox_basis[..modes]).unwrap();
         let mut fixture = Fixture::new(self.view, &model, &self.pixels, |i| 0.3 + 0.06 * i as f64);
         fixture.priors = priors;
         f(fixture.objective(&model));

@@ -21,6 +21,8 @@ pub struct Case {
     pub basis: Vec<[f64; 3]>,
     pub eigenvalues: Vec<f64>,
     pub bbox_3d: [[f64; 3]; 2],
+    /// One row per mode; empty: the box does not follow the shape.
+    pub bbox_basis: Vec<[[f64; 3]; 2]>,
     pub footprint: Option<Vec<[f64; 2]>>,
     pub bbox: Option<[f64; 4]>,
     pub scores: Option<Vec<f64>>,
@@ -38,6 +40,7 @@ impl Case {
             basis: vec![],
             eigenvalues: vec![],
             bbox_3d: protocol.bbox_3d(),
+            bbox_basis: vec![],
             footprint: None,
             bbox: Some(scene.bbox),
             scores: None,
@@ -50,6 +53,9 @@ impl Case {
     pub fn try_with_observation<R>(&self, f: impl FnOnce(&Observation) -> R) -> Result<R, InputError> {
         let mut model =
             ShapeModel::rigid(&self.keypoints_3d, self.bbox_3d)?.with_modes(&self.basis, &self.eigenvalues)?;
+        if !self.bbox_basis.is_empty() {
+            model = model.with_bbox_basis(&self.bbox_basis)?;
+        }
         if let Some(corners) = &self.footprint {
             model = model.with_footprint(Footprint::new(corners)?);
         }
@@ -187,6 +193,7 @@ impl Random {
                     basis: vec![],
                     eigenvalues: vec![],
                     bbox_3d,
+                    bbox_basis: vec![],
                     footprint: None,
                     bbox: Some(bbox),
                     scores: None,

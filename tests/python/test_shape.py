@@ -50,8 +50,38 @@ def test_fit_keeps_boxes_names_and_footprint():
     np.testing.assert_allclose(model.bbox_3d, boxes.mean(axis=0))
     assert (model.keypoint_names, model.name) == (names, "x")
     np.testing.assert_array_equal(model.footprint, outline)
+    assert gp.ShapeModel.fit(MODELS, 2, bbox_3d=boxes[0]).bbox_basis is None
     extent = gp.ShapeModel.fit(MODELS, 2).bbox_3d
     np.testing.assert_array_equal(extent, [MODELS.mean(axis=0).min(axis=0), MODELS.mean(axis=0).max(axis=0)])
+
+
+def test_box_follows_the_shape():
+    few = MODELS[:9]
+    boxes = np.stack([[m.min(axis=0) - 0.1, m.max(axis=0) + 0.2] for m in few])
+    full = gp.ShapeModel.fit(few, modes=8, bbox_3d=boxes)  # all modes: exact
+    for model, box in zip(few, boxes, strict=True):
+        coefficients = full.basis.reshape(8, -1) @ (model - full.keypoints_3d).ravel()
+        np.testing.assert_allclose(full.bbox_3d_of(coefficients), box, atol=1e-9)
+    np.testing.assert_array_equal(full.bbox_3d_of(), full.bbox_3d)
+    part = gp.ShapeModel.fit(few, modes=3, bbox_3d=boxes)
+    np.testing.assert_allclose(part.bbox_basis, full.bbox_basis[:3])
+    coefficients = (few - part.keypoints_3d).reshape(9, -1) @ part.basis.reshape(3, -1).T
+    left = np.stack([boxes[k] - part.bbox_3d_of(c) for k, c in enumerate(coefficients)])
+    # Least squares: what is left has nothing to do with the coefficients.
+    np.testing.assert_allclose(np.tensordot(coefficients.T, left, axes=1), 0.0, atol=1e-9)
+    stretched = part.scaled(*(2.0 * side for side in part.size))
+    np.testing.assert_allclose(stretched.bbox_3d_of(coefficients[0]), 2.0 * part.bbox_3d_of(coefficients[0]))
+
+
+def test_a_fixed_box_stays(fitted):
+    np.testing.assert_array_equal(fitted.bbox_3d_of(np.ones(4)), fitted.bbox_3d)
+    with pytest.raises(gp.InputError, match=r"bbox_basis: .*\(4, 2, 3\).*\(3, 2, 3\)"):
+        gp.ShapeModel(
+            fitted.keypoints_3d,
+            basis=fitted.basis,
+            eigenvalues=fitted.eigenvalues,
+            bbox_basis=np.zeros((3, 2, 3)),
+        )
 
 
 @pytest.mark.parametrize(
@@ -79,11 +109,12 @@ def test_files_keep_every_field(fitted, tmp_path):
         tuple(f"Punkt {i} ü" for i in range(24)),
         [[-1.0, -2.0], [0.0, 2.5], [1.0, -2.0]],
         "Wagen",
+        RNG.normal(size=(4, 2, 3)),
     )
     for model, path in ((whole, tmp_path / "a.npz"), (MODEL, tmp_path / "no_suffix")):
         model.save(path)
         back = gp.ShapeModel.load(str(path))
-        for name in ("keypoints_3d", "bbox_3d", "basis", "eigenvalues", "footprint"):
+        for name in ("keypoints_3d", "bbox_3d", "basis", "eigenvalues", "footprint", "bbox_basis"):
             np.testing.assert_array_equal(getattr(back, name), getattr(model, name), err_msg=name)
         assert (back.keypoint_names, back.name) == (model.keypoint_names, model.name)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.npz", "no_suffix"]

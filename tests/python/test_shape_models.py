@@ -50,6 +50,16 @@ def test_models_reach_bodies_they_have_not_seen(kind: str) -> None:
     assert 0.5 < np.sqrt(np.mean(spread**2)) < 1.5
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_boxes_of_bodies_not_seen(kind: str) -> None:
+    model = shape_model(kind)
+    bodies = [outline(kind, seed) for seed in range(10_000, 10_020)]
+    off = np.stack([(X - model.keypoints_3d).ravel() for X, _ in bodies])
+    coefficients = off @ model.basis.reshape(model.modes, -1).T
+    left = np.stack([box - model.bbox_3d_of(c) for (_, box), c in zip(bodies, coefficients, strict=True)])
+    assert np.sqrt(np.mean(left**2)) < 0.05
+
+
 def test_unknown_class_is_named() -> None:
     with pytest.raises(gp.InputError, match="kind: expected one of"):
         shape_model("tram")

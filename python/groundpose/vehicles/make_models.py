@@ -47,20 +47,22 @@ def modes_needed(stack: FloatArray) -> int:
 
 
 def fit(kind: str, stack: FloatArray, boxes: FloatArray) -> ShapeModel:
-    """The shape model of keypoints (S, P, 3) and boxes (S, 2, 3)."""
+    """The shape model of keypoints (S, P, 3) and boxes (S, 2, 3); its box follows the shape."""
     modes = modes_needed(stack)
     model = ShapeModel.fit(stack, modes, bbox_3d=boxes, keypoint_names=keypoint_names(kind), name=kind)
     # The sign of a mode is free: fixed here, so that every machine writes the same file.
     flat = model.basis.reshape(modes, -1)
     largest = flat[np.arange(modes), np.abs(flat.round(6)).argmax(axis=1)]
-    basis = model.basis * np.sign(largest)[:, None, None]
+    sign = np.sign(largest)[:, None, None]
+    assert model.bbox_basis is not None
     return ShapeModel(
         model.keypoints_3d.round(6),
         model.bbox_3d.round(6),
-        basis.round(6),
+        (sign * model.basis).round(6),
         model.eigenvalues.round(6),
         model.keypoint_names,
         name=kind,
+        bbox_basis=(sign * model.bbox_basis).round(6),
     )
 
 

@@ -49,7 +49,8 @@ KITTI (last section). So this compares solvers; it says nothing about a network.
   libraries can do with scores. "{weights}": ours.
 - PoseLib gets the mean shape in G2: it has no shapes. "Tuned" as in docs/results.md. As it comes it takes a
   millisecond a vehicle and is given the first {slow} only.
-- "{default}" refuses poses that chance explains and pays 180 deg and 100 % for it. The others answer
+- "{default}" searches with one keypoint and the box, and where the answer is doubtful again with two
+  keypoints. It refuses poses that chance explains and pays 180 deg and 100 % for it. The others answer
   always: "{never}" compares like with like. "{up2p}" searches with two
   keypoints and the told tilt, and looks at the box in the refinement only.
 - Times: processor time of one thread, relative to our default; ours are batch calls from Python, a library's

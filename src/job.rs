@@ -1,0 +1,254 @@
+//! One object being estimated: hypotheses, their refinement, and how they stand against chance.
+
+use crate::camera::View;
+use crate::consensus::Consensus;
+use crate::error::NoPose;
+use crate::hypothesise::{Hypothesise, usable_bbox};
+use crate::math::{sqrt, square};
+use crate::noise::{Noise, NoiseModel};
+use crate::normal::State;
+use crate::object::{Bbox, MAX_MODES};
+use crate::objective::Objective;
+use crate::observation::Observation;
+use crate::options::{Options, Solver};
+use crate::points::Points;
+use crate::priors::Priors;
+use crate::ransac::{Candidate, Candidates, RansacStatistics};
+use crate::refine::{MAX_STAGES, Refinement, StageStatistics, refine, schedule};
+use crate::residual::Projection;
+use crate::score::{Scoring, cost};
+use crate::simd::VectorUnit;
+
+/// One object being estimated.
+pub(crate) struct Job<'a> {
+    pub(crate) unit: VectorUnit,
+    pub(crate) options: &'a Options,
+    pub(crate) view: &'a View,
+    pub(crate) observation: &'a Observation<'a>,
+    pub(crate) points: Points<'a>,
+}
+
+/// What a search found, refined.
+pub(crate) struct Found {
+    pub(crate) state: State,
+    pub(crate) stages: [StageStatistics; MAX_STAGES],
+    /// Truncated cost, priors included (pixels squared, halved), and that of the best pose that faces another way.
+    pub(crate) cost: f64,
+    pub(crate) runner_up: f64,
+    pub(crate) solver: Solver,
+    pub(crate) ransac: RansacStatistics,
+    /// Of the keypoints, given the pose.
+    pub(crate) noise: Noise,
+    /// Log10 of the number of poses as good as this one to expect among random keypoints.
+    pub(crate) log10_nfa: f64,
+}
+
+/// A refined pose and its truncated cost, priors included (pixels squared).
+struct Refined {
+    state: State,
+    stages: [StageStatistics; MAX_STAGES],
+    cost: f64,
+}
+
+/// Residuals beyond so many standard deviations of the noise count the same when refined poses are compared.
+const JUDGING_CUT: f64 = 3.0;
+/// Poses whose forward axes differ by more than 30 degrees (cosine) face another way.
+const OTHER_WAY: f64 = 0.866;
+/// A tilt prior of zero width is the upright pose: as narrow as keeps the equations well conditioned, radians.
+const NARROWEST_TILT: f64 = 1e-5;
+
+/// What a second try has to be better by (log10 of false alarms): chance has 1.2 tries in all.
+const SECOND_TRY: f64 = 0.7;
+/// An object looks at least so large, as a share of its 2D box.
+const SMALLEST_LOOK: f64 = 0.5;
+
+/// What a refinement asks of the search.
+struct Plan {
+    candidates: usize,
+    worst_ratio: f64,
+    min_draws: usize,
+    /// A pose with more false alarms than this (log10) is doubtful: where the solver is ours to choose, the search is
+    /// done again without the box, a side of which may be wrong. `None`: never again.
+    doubtful: Option<f64>,
+    /// Largest depth of a hypothesis, metres.
+    farthest: f64,
+}
+
+impl Plan {
+    fn of(refinement: Refinement) -> Self {
+        match refinement {
+            Refinement::Default => {
+                Self { candidates: 2, worst_ratio: 1.3, min_draws: 8, doubtful: Some(-6.0), farthest: f64::INFINITY }
+            }
+            _ => Self { candidates: 1, worst_ratio: 1.0, min_draws: 1, doubtful: None, farthest: f64::INFINITY },
+        }
+    }
+}
+
+impl<'a> Job<'a> {
+    /// The best pose; afterwards the blocks hold its shape and squared residuals. Object `index` of a batch has draws
+    /// of its own.
+    pub(crate) fn run(&mut self, index: u64) -> Result<Found, NoPose> {
+        let plan = Plan::of(self.options.refinement);
+        let (solver, bbox) = self.hypothesise(&plan).choose_solver();
+        let mut noise_sigma = None;
+        let first = self.search(&plan, solver, &bbox, index, &mut noise_sigma);
+        let used_the_box = self.options.solver == Solver::Auto && solver != Solver::Up2p;
+        let is_settled = |limit| first.as_ref().is_some_and(|found| found.log10_nfa <= limit);
+        if !used_the_box || plan.doubtful.is_none_or(is_settled) {
+            return first.ok_or(NoPose::NoHypothesis);
+        }
+        // The blocks hold the shape of the first.
+        self.objective(0.0).0.set_shape(&[0.0; MAX_MODES]);
+        let plan = Plan { farthest: self.farthest(&bbox), ..plan };
+        let second = self.search(&plan, Solver::Up2p, &bbox, index, &mut noise_sigma);
+        // The refinement may have moved it.
+        let second = second.filter(|found| found.state.pose.t.z <= plan.farthest);
+        let second = second.map(|found| Found { log10_nfa: found.log10_nfa + SECOND_TRY, ..found });
+        // The blocks hold the second: the first is judged again before it is described.
+        match (first, second) {
+            (Some(first), Some(second)) => Ok(self.better(first, second)),
+            (Some(first), None) => Ok(self.judge(first)),
+            (None, second) => second.ok_or(NoPose::NoHypothesis),
+        }
+    }
+
+    /// Depth, metres, beyond which the object could not look as large as its 2D box says. A detector that finds
+    /// nothing puts many keypoints in one place: they agree on an object far away.
+    fn farthest(&self, bbox: &Bbox) -> f64 {
+        let Some(longer_side) = bbox.longer_side() else { return f64::INFINITY };
+        let [min, max] = *self.observation.model().bbox_3d();
+        let diagonal = sqrt((0..3).map(|axis| square(max[axis] - min[axis])).sum());
+        let camera = &self.view.camera;
+        camera.fx.max(camera.fy) * diagonal / (SMALLEST_LOOK * longer_side)
+    }
+
+    /// The one that chance explains less, with the other as its runner-up where it faces another way.
+    fn better(&mut self, first: Found, second: Found) -> Found {
+        let is_first = first.log10_nfa <= second.log10_nfa || second.log10_nfa.is_nan();
+        let (mut best, other) = if is_first { (first, second) } else { (second, first) };
+        let other_way = best.state.pose.forward_cosine(&other.state.pose) < OTHER_WAY;
+        best.runner_up = best.runner_up.min(if other_way { other.cost } else { other.runner_up });
+        if is_first { self.judge(best) } else { best }
+    }
+
+    fn hypothesise(&self, plan: &Plan) -> Hypothesise<'a> {
+        let (options, view, observation) = (self.options, self.view, self.observation);
+        Hypothesise { unit: self.unit, options, view, observation, min_draws: plan.min_draws, farthest: plan.farthest }
+    }
+
+    /// The best pose from the hypotheses of one solver. The first search finds the noise by which all are compared.
+    fn search(
+        &mut self,
+        plan: &Plan,
+        solver: Solver,
+        bbox: &Bbox,
+        index: u64,
+        noise_sigma: &mut Option<f64>,
+    ) -> Option<Found> {
+        let mut candidates = Candidates::new(plan.candidates, plan.worst_ratio);
+        let ransac = self.hypothesise(plan).run(solver, bbox, &mut self.points, index, &mut candidates);
+        let (Refined { state, stages, cost }, runner_up) = self.refine_all(&candidates, noise_sigma)?;
+        let state = State { pose: state.pose.orthonormalized(), ..state };
+        let noise = Noise { sigma: f64::NAN, share: f64::NAN };
+        Some(self.judge(Found { state, stages, cost, runner_up, solver, ransac, noise, log10_nfa: f64::NAN }))
+    }
+
+    /// The same with its noise and its number of false alarms; the blocks hold its shape and squared residuals.
+    fn judge(&mut self, found: Found) -> Found {
+        let (n, weight_sum) = (self.points.count, self.points.weight_sum);
+        let are_scores = self.observation.has_scores() && self.options.score_weights;
+        let (mut objective, _) = self.objective(0.5 * self.points.inlier_threshold);
+        objective.set_shape(&found.state.coefficients);
+        let noise = objective.estimate_noise(&found.state.pose);
+        let consensus = Consensus {
+            model: &objective.noise,
+            share: noise.share,
+            keypoints: n,
+            score_sum: are_scores.then_some(weight_sum),
+            hypotheses: found.ransac.hypotheses,
+            sample: found.solver.sample_size(),
+        };
+        let log10_nfa = consensus.log10_nfa(objective.measured());
+        Found { noise, log10_nfa, ..found }
+    }
+
+    /// What is minimised, with priors weighed against this noise (pixels), and scratch memory.
+    pub(crate) fn objective(&mut self, noise_sigma: f64) -> (Objective<'_>, &mut [f64]) {
+        let (bbox, camera, options) = (usable_bbox(self.view, self.observation), &self.view.camera, self.options);
+        let threshold = self.points.inlier_threshold;
+        let priors = Priors {
+            noise_sigma,
+            tilt_sigma: options.effective_tilt_sigma().max(NARROWEST_TILT),
+            shape: options.effective_shape_prior(),
+            bbox: [bbox.left - camera.cx, bbox.top - camera.cy, bbox.right - camera.cx, bbox.bottom - camera.cy],
+            use_bbox: true,
+            bbox_sigma: options.effective_bbox_sigma(threshold),
+        };
+        let (count, blocks) = (self.points.count, self.points.blocks().len());
+        let buffers = &mut self.points.buffers;
+        let objective = Objective {
+            unit: self.unit,
+            view: self.view,
+            model: self.observation.model(),
+            visible: &buffers.visible[..count],
+            blocks: &mut buffers.blocks[..blocks],
+            priors,
+            noise: NoiseModel { guess: 0.5 * threshold, area: self.points.outlier_area },
+        };
+        (objective, &mut buffers.scratch[..count])
+    }
+
+    /// Refines every candidate; the best, and the cost of the best one that faces another way. All are judged by the
+    /// same noise: that of the first.
+    fn refine_all(&mut self, candidates: &Candidates, noise_sigma: &mut Option<f64>) -> Option<(Refined, f64)> {
+        let mut best: Option<Refined> = None;
+        let mut runner_up = f64::INFINITY;
+        for candidate in candidates.iter() {
+            let refined = self.refine_one(candidate, noise_sigma);
+            let Some(current) = &best else {
+                best = Some(refined);
+                continue;
+            };
+            let other_way = current.state.pose.forward_cosine(&refined.state.pose) < OTHER_WAY;
+            if refined.cost < current.cost {
+                runner_up = if other_way { current.cost } else { runner_up };
+                best = Some(refined);
+            } else if other_way {
+                runner_up = runner_up.min(refined.cost);
+            }
+        }
+        best.map(|b| (b, runner_up))
+    }
+
+    fn refine_one(&mut self, candidate: &Candidate, noise_sigma: &mut Option<f64>) -> Refined {
+        let threshold = self.points.inlier_threshold;
+        let refinement = self.options.refinement;
+        let stages = schedule(refinement, threshold, self.options.hre_thresholds);
+        let (mut objective, scratch) = self.objective(0.5 * threshold);
+        let initial = State { pose: candidate.pose, coefficients: [0.0; MAX_MODES] };
+        let (state, stages) = refine(&mut objective, scratch, &candidate.pose, &stages);
+        let noise = *noise_sigma.get_or_insert_with(|| objective.estimate_noise(&state.pose).sigma);
+        objective.priors.noise_sigma = noise;
+        objective.priors.use_bbox = true;
+        let cut = JUDGING_CUT * noise;
+        let cost = truncated_cost(&mut objective, &state, cut);
+        if refinement == Refinement::Default {
+            // Never a pose that explains the data worse than the hypothesis it came from.
+            let initial_cost = truncated_cost(&mut objective, &initial, cut);
+            if initial_cost < cost {
+                return Refined { state: initial, stages, cost: initial_cost };
+            }
+        }
+        Refined { state, stages, cost }
+    }
+}
+
+/// Truncated squared error of a state, priors included (pixels squared, halved); sets the blocks to its shape.
+fn truncated_cost(objective: &mut Objective, state: &State, threshold: f64) -> f64 {
+    objective.set_shape(&state.coefficients);
+    let projection = Projection::new(&objective.view.camera, &state.pose);
+    let tau2 = square(threshold);
+    let points = cost(objective.unit, objective.blocks, &projection, Scoring::Msac, tau2, f64::INFINITY);
+    0.5 * tau2 * points + objective.prior_cost(state)
+}
