@@ -48,6 +48,7 @@ class Renderer:
         self._average_array = self._gl.vertex_array(self._average, [])
         corners = np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)], dtype="f4")
         self._corner_buffer = self._gl.buffer(corners)
+        self._bound: Staged | None = None
         self._targets: dict[tuple[int, int], tuple[Any, Any, Any]] = {}
         self._textures = _textures()
         base, layer = surface_tables()
@@ -181,14 +182,15 @@ class Renderer:
         buffer.release()
 
     def _bind(self, scene: Scene, staged: Staged, clip: NDArray[np.float64], window: Window) -> None:
-        """Uniforms of the view, textures of the scene."""
-        values = {
+        """Uniforms of the view, and where it is another one of the scene; textures of the scene."""
+        values: dict[str, Any] = {
             "clip_from_world": np.ascontiguousarray(clip.T, dtype="f4"),
             "ray_from_clip": np.ascontiguousarray(ray_from_clip(scene, window).T, dtype="f4"),
-            "eye": tuple(scene.camera_position),
-            "forward": tuple(scene.R_camera_from_world[2]),
-            **staged.uniforms,
         }
+        if self._bound is not staged:
+            values |= staged.uniforms
+            values |= {"eye": tuple(scene.camera_position), "forward": tuple(scene.R_camera_from_world[2])}
+            self._bound = staged
         for target in self._programs().values():
             set_uniforms(target, values)
         staged.panorama.use(_UNITS["panorama"])

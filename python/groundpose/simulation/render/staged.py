@@ -39,6 +39,8 @@ _SHADOW_SIZE = 1024
 # Shadow maps: metres ahead of the camera, half width. Texels of 5 and 17 cm.
 _NEAR_SHADOW, _FAR_SHADOW = (16.0, 24.0), (65.0, 85.0)
 _SHADOW_DEPTH = 150.0
+# Texels per metre from which the holes between leaves show in a shadow.
+_HOLES_SEEN = 10.0
 _BODIES, _PROPS = 700, 64  # kept; 2 MB a body
 
 
@@ -210,6 +212,7 @@ class Stage:
             mesh = staged.vehicles.meshes[i]
             mesh.fill(staged.vehicles.rows[i : i + 1])
             mesh.draw("vehicle_depth", 1, level)
+        leaves = "leaf_depth" if texels_per_metre > _HOLES_SEEN else "prop_depth"
         groups: dict[int, list[int]] = {}
         for i in staged.props.seen(clip).tolist():
             groups.setdefault(id(staged.props.meshes[i]), []).append(i)
@@ -217,7 +220,7 @@ class Stage:
             mesh = staged.props.meshes[shown[0]]
             mesh.fill(staged.props.rows[shown])
             mesh.draw("prop_depth", len(shown), prop_level)
-            mesh.draw("leaf_depth", len(shown), prop_level, second=True)
+            mesh.draw(leaves, len(shown), prop_level, second=True)
 
 
 def _placed(meshes: list[GpuMesh], rows: Floats, sizes: Floats | None = None) -> Doubles:
