@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from groundpose.formats.kitti import shaped_box
 from groundpose.poses import Pose, PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import View
+from groundpose.vehicles.skeleton import skeleton_of
 
 # Nearest depth, metres, that lines are drawn from.
 _NEAR = 0.1
@@ -66,22 +66,11 @@ def shape_lines(view: View, pose: Pose) -> tuple[list[FloatArray], list[FloatArr
     seen = np.einsum("ij,ij->i", outward, camera) < 0.0
     near: list[FloatArray] = []
     far: list[FloatArray] = []
-    for a, b in _skeleton(pose.model.name, pose.model.keypoint_names):
+    for a, b in skeleton_of(pose.model.name, pose.model.keypoint_names):
         line = segment(view, camera[[a, b]])
         if line is not None:
             (near if seen[a] and seen[b] else far).append(line)
     return near, far
-
-
-@cache
-def _skeleton(name: str, keypoint_names: tuple[str, ...]) -> list[tuple[int, int]]:
-    from groundpose.simulation.coco import skeleton  # stands above this file, with the whole drive
-    from groundpose.vehicles import KINDS
-    from groundpose.vehicles import keypoint_names as names_of
-
-    if name not in KINDS or names_of(name) != keypoint_names:
-        return []
-    return [(a - 1, b - 1) for a, b in skeleton(name)]
 
 
 def segment(view: View, ends: FloatArray) -> FloatArray | None:

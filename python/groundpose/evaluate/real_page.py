@@ -227,10 +227,7 @@ def _vehicles_rigid(content: Content) -> Iterator[str]:
 def _apollo(content: Content) -> Iterator[str]:
     yield "## ApolloCar3D"
     yield f"`{content['command']}`"
-    for group in content["sets"]:
-        yield f"### {group['name']}, {group['objects']} cars"
-        yield group["note"]
-        yield table(group["methods"])
+    yield from _sets(content, "methods")
 
 
 def _tilt(content: Content) -> Iterator[str]:
@@ -241,10 +238,14 @@ def _tilt(content: Content) -> Iterator[str]:
         "with twice that or twice the set's spread, as in the paper forgotten after the search, or estimated "
         "for each image from all its objects first (`frame_tilt_sigma`)."
     )
+    yield from _sets(content, "tilt")
+
+
+def _sets(content: Content, rows: str) -> Iterator[str]:
     for group in content["sets"]:
         yield f"### {group['name']}, {group['objects']} cars"
         yield group["note"]
-        yield table(group["tilt"])
+        yield table(group[rows])
 
 
 def _speed(content: Content) -> Iterator[str]:

@@ -27,6 +27,8 @@ TYPES = (
 DONT_CARE = "DontCare"
 TYPE_OF = {"car": "Car", "van_bus": "Van", "pickup": "Car", "box_truck": "Truck"}
 """KITTI's class of each of ours: it counts pickups as cars."""
+KIND_OF = {"Car": "car", "Van": "van_bus", "Truck": "box_truck"}
+"""Our class of each of KITTI's."""
 _NUMBERS = 14
 _TRACKING_COLUMNS = 2
 T = TypeVar("T")

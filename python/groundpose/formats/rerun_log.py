@@ -20,6 +20,7 @@ from groundpose.draw.colours import BOX, INLIER, MISSING, OUTLIER, POSE, POSE_LI
 from groundpose.formats.conversions import to_quaternions
 from groundpose.formats.kitti import shaped_box
 from groundpose.poses import PoseBatch
+from groundpose.vehicles.skeleton import skeleton_of
 
 _CAMERA = "world/camera"
 _IMAGE = f"{_CAMERA}/image"
@@ -138,7 +139,11 @@ class RerunLog:
         shapes = [poses[k].keypoints_3d @ poses.R[k].T + poses.t[k] for k in rows]
         points = np.concatenate([np.empty((0, 3)), *shapes])
         self._stream.log(f"{_OBJECTS}/shape", rr.Points3D(points, colors=_rgb(POSE_LIGHT), radii=0.05))
-        lines = [shape[[a, b]] for k, shape in zip(rows, shapes, strict=True) for a, b in _lines(poses, k)]
+        lines = [
+            shape[[a, b]]
+            for k, shape in zip(rows, shapes, strict=True)
+            for a, b in skeleton_of(poses.models[k].name, poses.models[k].keypoint_names)
+        ]
         self._stream.log(
             f"{_OBJECTS}/shape_lines", rr.LineStrips3D(lines, colors=_rgb(POSE_LIGHT), radii=0.02)
         )
@@ -176,17 +181,6 @@ class RerunLog:
         self._log_boxes(
             "truth", list(middles), list(sides), R, TRUTH, rows, [str(k) for k in range(len(known))]
         )
-
-
-def _lines(poses: PoseBatch, k: int) -> list[tuple[int, int]]:
-    """Pairs of keypoints of a bundled class joined by a line; none for other models."""
-    from groundpose.simulation.coco import skeleton
-    from groundpose.vehicles import KINDS, keypoint_names
-
-    model = poses.models[k]
-    if model.name not in KINDS or keypoint_names(model.name) != model.keypoint_names:
-        return []
-    return [(a - 1, b - 1) for a, b in skeleton(model.name)]
 
 
 def _rgb(colour: str) -> list[int]:

@@ -9,12 +9,9 @@ from typing import Any
 
 from groundpose._checks import FloatArray
 from groundpose.formats.frames import BUNDLED
-from groundpose.formats.kitti_labels import KittiLabel
+from groundpose.formats.kitti_labels import TYPE_OF, KittiLabel
 from groundpose.simulation.labels import OUTSIDE, VISIBLE, Label
 from groundpose.simulation.scene import Scene
-
-# KITTI has no class of its own for pickups and counts them as cars; its trucks are our box trucks.
-_KITTI_TYPE = {"car": "Car", "van_bus": "Van", "pickup": "Car", "box_truck": "Truck"}
 
 TILT_COLUMNS = (
     *("frame", "drive", "pitch_deg", "roll_deg", "camera_height", "speed", "road"),
@@ -90,7 +87,7 @@ def kitti_label(label: Label) -> KittiLabel:
     left, top, right, bottom = label.bbox.tolist()
     x, y, z = label.location.tolist()
     return KittiLabel(
-        type=_KITTI_TYPE[label.kind],
+        type=TYPE_OF[label.kind],
         truncated=label.truncation,
         occluded=label.occlusion,
         alpha=label.alpha,

@@ -22,7 +22,7 @@ import groundpose as gp
 from groundpose._checks import FloatArray, input_error
 from groundpose.evaluate.metrics import rotation_error_deg
 from groundpose.evaluate.real_data import data_folder, rotation_about_y
-from groundpose.formats.kitti_labels import KittiLabel, read_labels
+from groundpose.formats.kitti_labels import KIND_OF, KittiLabel, read_labels
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.image import as_rgb
 from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
@@ -30,7 +30,6 @@ from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
 MIN_HEIGHT, MAX_TRUNCATION, MAX_OCCLUSION = 25.0, 0.15, 1
 """What is judged: boxes of this height in pixels, KITTI's truncation and occlusion."""
 EASY_HEIGHT = 40.0
-_TYPES = {"Car": "car", "Van": "van_bus", "Truck": "box_truck"}
 _FAR_OFF_DEG = 30.0
 
 
@@ -81,7 +80,7 @@ def _street(folder: Path, path: Path, types: tuple[str, ...], pitch: float) -> S
         gp.View(camera, pitch),
         np.array([row.bbox for row in rows]).reshape(-1, 4),
         rotation_about_y(angles + math.pi / 2),
-        tuple(_TYPES[row.type] for row in rows),
+        tuple(KIND_OF[row.type] for row in rows),
         np.array([_height(row) >= EASY_HEIGHT and row.occluded == 0 for row in rows], dtype=bool),
     )
 

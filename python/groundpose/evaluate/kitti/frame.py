@@ -13,7 +13,7 @@ import numpy as np
 import groundpose as gp
 from groundpose._checks import FloatArray, input_error
 from groundpose.evaluate.kitti.average_precision import NEIGHBOURS, Hits, Overlaps, image_boxes, judge
-from groundpose.evaluate.kitti.keypoints import KIND_OF, Found, KeypointSource
+from groundpose.evaluate.kitti.keypoints import Found, KeypointSource
 from groundpose.evaluate.kitti.methods import LOWEST_SCORE, METHODS, KittiMethod
 from groundpose.evaluate.kitti.overlap import image_overlap
 from groundpose.evaluate.metrics import (
@@ -27,7 +27,7 @@ from groundpose.evaluate.scenes import Scene
 from groundpose.evaluate.simulated.contest import FEWEST_POINTS
 from groundpose.formats.kitti import R_from_rotation_y, bottom_centres, results
 from groundpose.formats.kitti_dataset import KittiFrame, difficulty
-from groundpose.formats.kitti_labels import KittiLabel
+from groundpose.formats.kitti_labels import KIND_OF, KittiLabel
 from groundpose.formats.skips import Skips
 
 CAMERA_HEIGHT = 1.65

@@ -17,11 +17,9 @@ from groundpose._checks import FloatArray, input_error
 from groundpose.evaluate.simulated.keypoint_noise import HIDDEN, OUTSIDE, VISIBLE, Detector, Seen
 from groundpose.formats.kitti import R_from_rotation_y, bottom_of
 from groundpose.formats.kitti_dataset import KittiFrame
-from groundpose.formats.kitti_labels import DONT_CARE, KittiLabel
+from groundpose.formats.kitti_labels import DONT_CARE, KIND_OF, KittiLabel
 from groundpose.vehicles import KINDS, keypoint_indices, keypoint_names, shape_model
 
-KIND_OF = {"Car": "car", "Van": "van_bus", "Truck": "box_truck"}
-"""Our classes of vehicles for KITTI's."""
 WIDTH = max(len(keypoint_indices(kind)) for kind in KINDS)
 MODELS = ("class", "sized", "rigid")
 """What a solver is told of a vehicle: the shape model of its class, that stretched to the labelled size, or
