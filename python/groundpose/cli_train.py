@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -16,6 +16,9 @@ from rich.table import Table
 
 from groundpose._core import InputError
 from groundpose.cli_output import console, mistakes, refuse
+
+if TYPE_CHECKING:
+    from groundpose.training.loop import Trainer
 
 _SHOWN = ("within_visible", "within_hidden", "error_px_visible", "class_accuracy", "score_auc")
 _SMOKE_FRAMES = {"train": 320, "validation": 96, "test": 96}
@@ -94,6 +97,9 @@ def train(
     minutes: Annotated[
         float | None, typer.Option(help="Stop after so long; the same command goes on.")
     ] = None,
+    initial: Annotated[
+        Path | None, typer.Option(help="Begin with the weights of this run, of the same network.")
+    ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads that train.")] = 1,
     workers: Annotated[int, typer.Option(min=0, help="Threads that prepare batches beside them.")] = 0,
 ) -> None:
@@ -106,6 +112,8 @@ def train(
       groundpose train smoke -o /tmp/smoke
 
       groundpose train lite32 --data data/crops --set epochs=40 --set seed=1 --threads 2
+
+      groundpose train lite32 --initial runs/lite32 -o runs/lite32_longer
     """
     with mistakes(), _extra():
         from groundpose.training.configs import CONFIGS, NETWORKS, changed, train_config
@@ -120,7 +128,13 @@ def train(
         folder = out or Path("runs") / config
         if config == "smoke":
             data = _toy_crops(folder / "crops")
-        ended = _train(wanted, data, folder, minutes, threads, workers)
+        import torch
+
+        from groundpose.training.loop import Trainer
+
+        torch.set_num_threads(threads)
+        trainer = Trainer(wanted, data, folder, workers=workers, initial=initial)
+        ended = _train(trainer, minutes)
         if ended and config == "smoke":
             export(folder, folder / "smoke.onnx", data, folder / "smoke_int8.onnx")
     typer.echo(f"Run: {folder.resolve()}" + ("" if ended else " (not finished: the same command goes on)"))
@@ -159,23 +173,20 @@ def export(
         console().print(table)
 
 
-def _train(config: Any, data: Path, folder: Path, minutes: float | None, threads: int, workers: int) -> bool:
+def _train(trainer: Trainer, minutes: float | None) -> bool:
     """With a bar on a terminal, a line an evaluation elsewhere."""
-    import torch
-
     from groundpose.training.log import Progress as Told
-    from groundpose.training.loop import Limits, Trainer
+    from groundpose.training.loop import Limits
 
-    torch.set_num_threads(threads)
-    trainer = Trainer(config, data, folder, workers=workers)
-    told = folder / "command.txt"
+    name = trainer.config.network
+    told = trainer.folder / "command.txt"
     if not told.exists():
         told.write_text(" ".join(["groundpose", *sys.argv[1:]]) + "\n")
     with _bar() as bar:
-        task = bar.add_task(config.network, total=trainer.steps, completed=trainer.step)
+        task = bar.add_task(name, total=trainer.steps, completed=trainer.step)
 
         def tell(now: Told) -> None:
-            text = f"{config.network} loss {now.losses['total']:.3f}, {now.crops_per_second:.0f} crops/s"
+            text = f"{name} loss {now.losses['total']:.3f}, {now.crops_per_second:.0f} crops/s"
             bar.update(task, completed=now.step, description=text)
             if now.metrics:
                 numbers = ", ".join(
@@ -184,9 +195,7 @@ def _train(config: Any, data: Path, folder: Path, minutes: float | None, threads
                 bar.console.print(f"{now.step}/{now.steps} loss {now.losses['total']:.3f}, {numbers}")
 
         try:
-            return trainer.run(
-                Limits(minutes=minutes, evaluations=5 if config.network == "toy" else 20), tell
-            )
+            return trainer.run(Limits(minutes=minutes, evaluations=5 if name == "toy" else 20), tell)
         except KeyboardInterrupt:
             return False
 

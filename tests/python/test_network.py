@@ -69,9 +69,10 @@ def test_files_that_are_not_ours(path, tmp_path, monkeypatch):
         Network(path, threads=0)
     with pytest.raises(TypeError, match="path: expected a path"):
         Network(3)  # type: ignore[arg-type]
-    monkeypatch.setattr(network_module, "BUNDLED", tmp_path / "default.onnx")
-    with pytest.raises(FileNotFoundError, match=r"bundled network is not part .*`groundpose train`"):
-        Network()
+    monkeypatch.setattr(network_module, "MODELS", tmp_path)
+    for name in (None, *network_module.BUNDLED):
+        with pytest.raises(FileNotFoundError, match=r"bundled network is not part .*`groundpose train`"):
+            Network(name)
 
 
 @pytest.mark.parametrize("kind", range(len(KINDS)))

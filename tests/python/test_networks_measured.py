@@ -70,9 +70,10 @@ def test_page_is_made_between_its_marks(tmp_path):
     (tmp_path / "docs").mkdir()
     path = tmp_path / page.PAGE
     path.write_text("before <!-- measured: begin -->old<!-- measured: end --> after")
-    held_out = {"class_accuracy": 0.99, "error_px": 9.0, "error_px_visible": 5.0, "error_share": 0.03}
+    held_out = {"crops": 7.0, "class_accuracy": 0.99, "error_px": 9.0}
+    held_out |= {"error_px_visible": 5.0, "error_share": 0.03}
     trained = {
-        "held_out": held_out | {"within_visible": 0.95},
+        "held_out": {"all": held_out | {"within_visible": 0.95}},
         "poses": {"G1, true boxes": {}},
         "object_ms": {"crop": 0.1, "all": 1.0},
     }
@@ -81,5 +82,5 @@ def test_page_is_made_between_its_marks(tmp_path):
     assert text.startswith("before ")
     assert text.endswith(" after")
     assert "old" not in text
-    assert "| lite | 99 | 9 | 5 | 3 | 95 |" in text
+    assert "| lite | all: 7 | 99 | 9 | 5 | 3 | 95 |" in text
     page.write_page(tmp_path / "nowhere", {})

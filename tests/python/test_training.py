@@ -14,7 +14,7 @@ from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices, keypoi
 torch = pytest.importorskip("torch", reason="torch is not installed (extra [train])")
 pytest.importorskip("onnxscript", reason="onnxscript is not installed (extra [train])")
 
-from groundpose.training import configs, crops, loop, networks, release  # noqa: E402
+from groundpose.training import configs, crops, heat_maps, loop, networks, release  # noqa: E402
 from groundpose.training.batches import Batcher  # noqa: E402
 from groundpose.training.evaluate import answers  # noqa: E402
 from groundpose.training.log import METRICS  # noqa: E402
@@ -243,6 +243,36 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(tmp_path, data):
         loop.Trainer(configs.changed(SMALL, seed=1), data, tmp_path / "a")
     with pytest.raises(gp.InputError, match=r"expected a training run \(checkpoint.pt\), got none"):
         loop.trained(tmp_path / "none")
+
+
+def test_a_run_may_begin_with_the_weights_of_another(tmp_path, data):
+    _, first = run(SMALL, data, tmp_path / "a")
+    begun = loop.Trainer(SMALL, data, tmp_path / "b", initial=tmp_path / "a")
+    for a, b in zip(first.network.parameters(), begun.network.parameters(), strict=True):
+        assert torch.equal(a, b)
+    assert begun.step == 0
+    assert begun.before["steps"] == first.step == 6
+    begun.save()
+    again = loop.Trainer(SMALL, data, tmp_path / "b", initial=tmp_path / "none")  # it has its own by now
+    assert again.before == begun.before
+    other = configs.changed(configs.train_config("lite24"), epochs=1)
+    with pytest.raises(gp.InputError, match="expected a run of lite24, got 'toy'"):
+        loop.Trainer(other, data, tmp_path / "c", initial=tmp_path / "a")
+
+
+def test_heat_map_losses_are_those_of_single_operations(monkeypatch):
+    rng = np.random.default_rng(0)
+    monkeypatch.setattr(heat_maps, "_CELLS", 300)  # several parts
+    maps = torch.tensor(rng.normal(size=(3, 5, 6, 8)), requires_grad=True)
+    x, y = (torch.tensor(rng.normal(size=(3, 5, n))).softmax(dim=2) for n in (8, 6))
+    cells = [4.0 * torch.arange(n, dtype=torch.float64) + 1.5 for n in (8, 6)]
+    entropy, means = heat_maps.heat_map_losses(maps, x, y, *cells)
+    share = maps.flatten(2).softmax(dim=2).unflatten(2, maps.shape[2:])
+    gaussian = y[..., None] * x[..., None, :]
+    torch.testing.assert_close(entropy, -(gaussian * share.log()).sum(dim=(2, 3)))
+    torch.testing.assert_close(means[..., 0], share.sum(dim=2) @ cells[0])
+    torch.testing.assert_close(means[..., 1], share.sum(dim=3) @ cells[1])
+    assert torch.autograd.gradcheck(lambda m: heat_maps.heat_map_losses(m, x, y, *cells), maps)
 
 
 def test_schedules():

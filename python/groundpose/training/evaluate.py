@@ -45,6 +45,14 @@ class Answers:
         with np.errstate(invalid="ignore"):
             return np.asarray(self.errors <= RELATIVE_THRESHOLD * self.sides[:, None])
 
+    def only(self, rows: NDArray[np.bool_]) -> Answers:
+        """Those of the crops in a mask (M,)."""
+        chosen = {
+            name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "detections"
+        }
+        names = self.detections.__dataclass_fields__
+        return Answers(Detections(*(getattr(self.detections, name)[rows] for name in names)), **chosen)
+
     def calibration(self) -> Calibration:
         """Scores that say how likely a keypoint is good; fit on a split that is not judged on."""
         return Calibration.fit(self.detections, self.sides_in_crop, self.good, ~np.isnan(self.errors))
@@ -68,6 +76,13 @@ class Answers:
         own, kinds = named[""], self.detections.kind_probabilities.argmax(axis=1)
         numbers["class_accuracy"] = float((kinds == self.labels["kind"]).mean())
         return numbers | _ranking(scores[own], good[own])
+
+
+def inside_image(labels: Records) -> NDArray[np.bool_]:
+    """(M,): all keypoints lie in the image."""
+    points, size = labels["keypoints"], labels["image_size"][:, None]
+    outside = (points < -0.5) | (points > size - 0.5)  # NaN, not a keypoint of the class: False
+    return ~np.asarray(outside.any(axis=(1, 2)))
 
 
 def _ranking(scores: FloatArray, good: NDArray[np.bool_]) -> dict[str, float]:

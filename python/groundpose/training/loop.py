@@ -34,6 +34,7 @@ from groundpose.training.networks import KeypointNetwork, folded
 
 CHECKPOINT = "checkpoint.pt"
 _ORDER, _STEP = 1, 2  # streams of random numbers
+_COSTS = {"steps": "step", "seconds": "seconds"}
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,15 @@ _NO_LIMITS = Limits()
 class Trainer:
     """One run in a folder: its network, optimizer and step."""
 
-    def __init__(self, config: TrainConfig, data: Path, folder: Path, *, workers: int = 0) -> None:
+    def __init__(
+        self,
+        config: TrainConfig,
+        data: Path,
+        folder: Path,
+        *,
+        workers: int = 0,
+        initial: Path | None = None,
+    ) -> None:
         """Start, or go on where the folder's checkpoint is.
 
         Args:
@@ -67,9 +76,11 @@ class Trainer:
             data: folder of crops with splits train and validation.
             folder: of the run; made when missing.
             workers: threads that prepare batches beside the training (0: none). The same batches either way.
+            initial: folder of a run of the same network whose weights are the first; None: random ones.
 
         Raises:
-            InputError: the folder holds a run of another configuration; the data are not crops.
+            InputError: the folder holds a run of another configuration; the data are not crops; the initial
+                run is of another network.
         """
         self.config, self.folder, self._workers = config, folder, workers
         network = NETWORKS[config.network]
@@ -83,11 +94,14 @@ class Trainer:
         self.optimizer = _optimizer(self.network, config)
         self.steps = max(1, math.ceil(config.epochs * len(self.crops) / config.batch))
         self.step, self.seconds = 0, 0.0
+        self.before: dict[str, float] = {"steps": 0, "seconds": 0.0}
         self._orders: dict[int, NDArray[np.intp]] = {}
         self._bf16 = config.bf16 and has_bf16()
         folder.mkdir(parents=True, exist_ok=True)
         if (folder / CHECKPOINT).exists():
             self._load()
+        elif initial is not None:
+            self._begin_with(initial)
 
     def run(
         self, limits: Limits = _NO_LIMITS, tell: Callable[[Progress], None] = lambda progress: None
@@ -130,6 +144,7 @@ class Trainer:
             "step": self.step,
             "steps": self.steps,
             "seconds": self.seconds,
+            "before": self.before,
             "network": self.network.state_dict(),
             "optimizer": self.optimizer.state_dict(),
         }
@@ -144,8 +159,20 @@ class Trainer:
                 str(self.folder), "an empty folder or a run of this configuration and data", "another"
             )
         self.step, self.seconds = content["step"], content["seconds"]
+        self.before = content["before"]
         self.network.load_state_dict(content["network"])
         self.optimizer.load_state_dict(content["optimizer"])
+
+    def _begin_with(self, initial: Path) -> None:
+        """Take the weights of another run; what it cost is counted as before."""
+        content = load_checkpoint(initial)
+        if content["config"]["network"] != self.config.network:
+            raise input_error(
+                str(initial), f"a run of {self.config.network}", repr(content["config"]["network"])
+            )
+        self.network.load_state_dict(content["network"])
+        earlier = content.get("before", {"steps": 0, "seconds": 0.0})
+        self.before = {name: earlier[name] + content[now] for name, now in _COSTS.items()}
 
     def _train(self, batch: Batch) -> Losses:
         """One step."""
@@ -155,7 +182,7 @@ class Trainer:
         crops = batch.crops.contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=self._bf16):
             raw = self.network(crops)
-        losses = self._loss(type(raw)(raw.maps.float(), raw.logits.float()), batch)
+        losses = self._loss(raw, batch)
         self.optimizer.zero_grad(set_to_none=True)
         losses.total.backward()  # type: ignore[no-untyped-call]
         self.optimizer.step()

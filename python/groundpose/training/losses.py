@@ -12,7 +12,8 @@ from groundpose.keypoints.codec import Codec
 from groundpose.simulation import HIDDEN, OUTSIDE, VISIBLE
 from groundpose.training.batches import Batch
 from groundpose.training.configs import TrainConfig
-from groundpose.training.networks import Decoded, KeypointNetwork, Raw
+from groundpose.training.heat_maps import heat_map_losses
+from groundpose.training.networks import KeypointNetwork, Raw
 
 
 class Losses(NamedTuple):
@@ -39,28 +40,23 @@ class Loss:
         self._weights = torch.tensor([weights[state] for state in sorted(weights)])
 
     def __call__(self, raw: Raw, batch: Batch) -> Losses:
-        """The losses of a batch; `raw` in float32."""
-        decoded: Decoded = self._network.decode(raw)
+        """The losses of a batch; maps and logits of any precision."""
         own = torch.isfinite(batch.keypoints).all(dim=2)
         points = torch.nan_to_num(batch.keypoints)
         inside = own & ((points > -0.5) & (points < self._size - 0.5)).all(dim=2)
+        cell_x, cell_y = self._network.cell_x, self._network.cell_y
+        gaussian_x = self._gaussian(cell_x, points[..., 0], inside)
+        gaussian_y = self._gaussian(cell_y, points[..., 1], inside)
+        entropy, means = heat_map_losses(raw.maps, gaussian_x, gaussian_y, cell_x, cell_y)
         weight = self._weights[batch.state.long()] * own
-        entropy = self._cross_entropy(raw.maps, points, inside)
         cross_entropy = (entropy * weight).sum() / weight.sum().clamp(min=1.0)
         weight = weight * inside
-        offsets = ((decoded.keypoints - points) / self._size).abs().sum(dim=2)
+        offsets = ((means - points) / self._size).abs().sum(dim=2)
         distance = (offsets * weight).sum() / weight.sum().clamp(min=1.0)
-        classes = functional.cross_entropy(raw.logits, batch.kind)
+        classes = functional.cross_entropy(raw.logits.float(), batch.kind)
         c = self._config
         total = c.cross_entropy * cross_entropy + c.distance * distance + c.classes * classes
         return Losses(total, cross_entropy, distance, classes)
-
-    def _cross_entropy(self, maps: Tensor, points: Tensor, inside: Tensor) -> Tensor:
-        """(N, 53); the Gaussian is a product of one along x and one along y and is never built."""
-        x = self._gaussian(self._network.cell_x, points[..., 0], inside)
-        y = self._gaussian(self._network.cell_y, points[..., 1], inside)
-        mean = (torch.einsum("nkhw,nkw->nkh", maps, x) * y).sum(dim=2)
-        return maps.flatten(2).logsumexp(dim=2) - mean
 
     def _gaussian(self, cells: Tensor, places: Tensor, inside: Tensor) -> Tensor:
         """Shares (N, 53, cells) that sum to 1; equal ones for points that are not in the crop."""

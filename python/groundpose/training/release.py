@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +66,7 @@ def release(
         "mirrored": str(mirrored).lower(),
         "steps": f"{content['step']} of {content['steps']}",
         "training_seconds": f"{content['seconds']:.0f}",
+        "earlier_run": json.dumps(content["before"]),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     export(network, path, said, mirrored=mirrored)
