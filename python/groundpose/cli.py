@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 import groundpose
+from groundpose.cli_bench import bench
 from groundpose.cli_estimate import estimate
 from groundpose.cli_evaluate import app as evaluate
 from groundpose.cli_experiment import experiment
@@ -27,7 +28,7 @@ app.command(rich_help_panel="Commands")(estimate)
 app.command()(simulate)
 app.command()(experiment)
 app.add_typer(evaluate, name="evaluate")
-for command in (crops, train, export):
+for command in (crops, train, export, bench):
     app.command()(command)
 
 
@@ -72,29 +73,6 @@ def demo(
         console().print(result.table())
         result.write_picture(out)
     typer.echo(f"Picture: {out.resolve()}")
-
-
-@app.command()
-def bench(
-    objects: Annotated[int, typer.Option(min=1, help="Objects of one batch.")] = 20,
-    trials: Annotated[int, typer.Option(min=1, help="Batches a method is timed on.")] = 10,
-    threads: Annotated[int, typer.Option(min=1, help="Threads of our batch call.")] = 1,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Write the numbers as JSON.")] = None,
-) -> None:
-    """Our time beside that of the pose libraries that are installed.
-
-    [bold]Examples[/bold]
-
-      groundpose bench
-
-      groundpose bench --trials 100 --threads 2 -o bench.json
-    """
-    from groundpose.evaluate.bench import run
-
-    with mistakes():
-        run(objects=objects, trials=trials, threads=threads, output=out)
-    if out is not None:
-        typer.echo(f"Numbers: {out.resolve()}")
 
 
 def main() -> None:

@@ -243,15 +243,6 @@ def test_version_and_no_command():
     assert all(command in bare.output for command in ("estimate", "demo", "bench"))
 
 
-def test_bench_times_us_and_writes_its_numbers(tmp_path):
-    out = tmp_path / "bench.json"
-    result = run("bench", "--objects", 3, "--trials", 1, "-o", out)
-    assert result.exit_code == 0, result.output
-    assert "us an object" in result.stdout
-    assert f"Numbers: {out}" in result.stdout
-    assert json.loads(out.read_text())["objects"] == 3
-
-
 def command(*arguments: object, **more) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, "-W", "error", "-m", "groundpose.cli", *map(str, arguments)],

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from groundpose.evaluate import bars, bench, report
+from groundpose.evaluate import bars, report
 from groundpose.evaluate.rows import Check, Context, Result, to_json
 from typer import Typer
 from typer.testing import CliRunner
@@ -68,12 +68,3 @@ def test_the_page_tells_what_is_missed_and_what_was_not_measured(tmp_path: Path)
     assert "missed by 0.5 (25.0 %)" in page
     assert "not measured: no such thing here" in page
     assert rows[1]["met"] is None
-
-
-def test_bench_times_every_setting(tmp_path: Path) -> None:
-    content = bench.run(objects=2, trials=2, threads=1, output=tmp_path / "bench.json")
-    assert [s["setting"] for s in content["settings"]] == list(bench.SETTINGS)
-    for setting in content["settings"]:
-        assert setting["methods"][0]["ratio"] == 1.0
-        assert all(line["us an object"] > 0 for line in setting["methods"])
-    assert (tmp_path / "bench.json").exists()

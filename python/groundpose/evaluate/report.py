@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("groundpose", "numpy", "poselib", "opencv-python-headless")
+PACKAGES = ("groundpose", "numpy", "poselib", "opencv-python-headless", "pycolmap")
 SOLVER_JSON, REAL_JSON = Path("results/solver.json"), Path("results/real.json")
 PAGE, README = Path("docs/results.md"), Path("README.md")
 MARKS = ("<!-- measured: begin -->", "<!-- measured: end -->")

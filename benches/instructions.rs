@@ -1,0 +1,111 @@
+//! Counts of everything an estimate does, stage by stage, as one line of JSON a row: what `groundpose bench
+//! --instructions` reads. Every row has the stages before it too.
+//!
+//! `cargo bench --features synthetic --bench instructions` tells draws, hypotheses, steps, allocations and times.
+//! Instructions are counted from outside, one dump a row in the same order:
+//!
+//! ```text
+//! valgrind --tool=callgrind --toggle-collect=instructions::measured --dump-after=instructions::measured EXE --once
+//! ```
+
+mod common;
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use common::{CUBE_50, CUBE_90, Method, Methods, Objects, Setting, VEHICLE, VEHICLE_5, VEHICLE_10};
+use common::{Work, assert_right, searches, stages, whole, with_objects};
+use groundpose::workspace::GrowingWorkspace;
+
+/// Timed passes over all objects; the median counts.
+const PASSES: usize = 31;
+
+/// Which work on which objects.
+const TABLE: [(&Setting, Methods); 6] = [
+    (&VEHICLE, stages),
+    (&VEHICLE_5, stages),
+    (&VEHICLE_10, stages),
+    (&CUBE_50, stages),
+    (&VEHICLE, searches),
+    (&CUBE_90, whole),
+];
+
+/// All objects once. Its name is what the profiler looks for: neither inlined nor given arguments of its own.
+#[inline(never)]
+fn measured(work: &Work, objects: &Objects, workspace: &mut GrowingWorkspace) {
+    for index in objects.indices() {
+        black_box(work.run(objects, index, workspace));
+    }
+}
+
+/// What the search and the refinement did, summed over the objects.
+#[derive(Default)]
+struct Done {
+    keypoints: usize,
+    draws: usize,
+    hypotheses: usize,
+    steps: usize,
+}
+
+impl Done {
+    fn of(work: &Work, objects: &Objects, workspace: &mut GrowingWorkspace) -> Self {
+        let mut done = Self::default();
+        for index in objects.indices() {
+            done.keypoints += objects.observations[index].keypoints_2d().len();
+            if let Some(estimate) = work.run(objects, index, workspace) {
+                done.draws += estimate.ransac.iterations;
+                done.hypotheses += estimate.ransac.hypotheses;
+                done.steps += estimate.stages.iter().map(|s| s.iterations).sum::<usize>();
+            }
+        }
+        done
+    }
+}
+
+/// Median seconds of a pass of every method, in turns.
+fn times(methods: &[Method], objects: &Objects, workspace: &mut GrowingWorkspace) -> Vec<f64> {
+    let mut seconds = vec![vec![]; methods.len()];
+    for _ in 0..PASSES {
+        for ((_, work), seconds) in methods.iter().zip(&mut seconds) {
+            let start = Instant::now();
+            measured(work, objects, workspace);
+            seconds.push(start.elapsed().as_secs_f64());
+        }
+    }
+    let median = |mut all: Vec<f64>| {
+        all.sort_by(f64::total_cmp);
+        all[PASSES / 2]
+    };
+    seconds.into_iter().map(median).collect()
+}
+
+fn main() {
+    let once = std::env::args().any(|argument| argument == "--once");
+    for (setting, methods) in TABLE {
+        let methods = methods();
+        with_objects(setting, |objects| {
+            let mut workspace = GrowingWorkspace::new();
+            let rows: Vec<(f64, Done)> = methods
+                .iter()
+                .map(|(name, work)| (assert_right(name, work, objects), Done::of(work, objects, &mut workspace)))
+                .collect();
+            if once {
+                methods.iter().for_each(|(_, work)| measured(work, objects, &mut workspace));
+                return;
+            }
+            let seconds = times(&methods, objects, &mut workspace);
+            for (((name, work), (error, done)), seconds) in methods.iter().zip(rows).zip(seconds) {
+                let allocations = allocation_counter::measure(|| measured(work, objects, &mut workspace)).count_total;
+                let Done { keypoints, draws, hypotheses, steps } = done;
+                let (setting, count) = (setting.name, objects.scenes.len());
+                let microseconds = 1e6 * seconds / count as f64;
+                println!(
+                    "{{\"setting\": \"{setting}\", \"work\": \"{name}\", \"objects\": {count}, \
+                     \"keypoints\": {keypoints}, \"draws\": {draws}, \"hypotheses\": {hypotheses}, \
+                     \"steps\": {steps}, \"allocations\": {allocations}, \"median e_t\": {error:e}, \
+                     \"us an object\": {microseconds:.4}}}"
+                );
+            }
+        });
+    }
+}
