@@ -11,7 +11,6 @@ Frames: camera x right, y down, z forward; object x right, y down, z forward (it
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from groundpose._core import InputError, build_info
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
 
-__version__ = version("groundpose")
+__version__: str = build_info()["version"]
 
 # What needs onnxruntime and the vehicles' models is imported when it is first asked for.
 _LAZY = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
@@ -208,11 +207,13 @@ class ShapeModel(Value):
     @classmethod
     def load(cls, path: str | PathLike[str]) -> ShapeModel:
         """Read a model written by `save`. Raises OSError (no such file) or InputError (not a model)."""
+        from zipfile import BadZipFile  # here: half of what `import groundpose` takes beyond numpy
+
         try:
             # Opened here: np.load leaves a damaged file open.
             with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 content = {key: file[key] for key in file.files}
-        except (ValueError, EOFError, AttributeError, TypeError, zipfile.BadZipFile):
+        except (ValueError, EOFError, AttributeError, TypeError, BadZipFile):
             raise input_error(str(path), "a shape model (.npz)", "another kind of file") from None
         version = content.get("version")
         if version is None or version.shape != () or version.dtype.kind != "i":

@@ -332,10 +332,10 @@ def test_a_mistake_is_one_line_and_status_2(case, street, model):
 
 
 def test_without_a_bundled_network_it_says_what_to_do(street, monkeypatch):
-    monkeypatch.setattr("groundpose.keypoints.network.BUNDLED", street / "default.onnx")
+    monkeypatch.setattr("groundpose.keypoints.network.MODELS", street / "none")
     result = run("estimate", "street.png", "--boxes", "boxes.json", "--calib", "camera.json")
     assert result.exit_code == 2
-    assert "--model FILE" in one_line(result)
+    assert "give the file of one" in one_line(result)
 
 
 def frames_of(count: int):

@@ -9,7 +9,7 @@ import pytest
 from conftest import project, rotation_error_deg
 from groundpose import demo
 from groundpose.demo.street import IMAGE, LABELS
-from groundpose.keypoints.network import BUNDLED
+from groundpose.keypoints.network import bundled
 from groundpose.vehicles import KINDS
 from PIL import Image
 from test_cli import one_line, run
@@ -17,7 +17,7 @@ from test_cli import one_line, run
 STREET = demo.example()
 # What stands out of a vehicle's 3D box: mirrors and aerials, metres.
 FITTINGS = np.array([[-0.35, -0.4, 0.0], [0.35, 0.0, 0.0]])
-bundled = pytest.mark.skipif(not BUNDLED.exists(), reason="the bundled network is not there")
+needs_network = pytest.mark.skipif(not bundled().exists(), reason="the bundled network is not there")
 
 
 def extent(R: np.ndarray, t: np.ndarray, bbox_3d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -66,10 +66,10 @@ def test_demo_prints_and_draws(model, tmp_path):
 
 
 def test_demo_without_a_network_says_what_to_do(monkeypatch, tmp_path):
-    monkeypatch.setattr("groundpose.keypoints.network.BUNDLED", tmp_path / "default.onnx")
+    monkeypatch.setattr("groundpose.keypoints.network.MODELS", tmp_path)
     result = run("demo", "--out", tmp_path / "street.png")
     assert result.exit_code == 2
-    assert "--model FILE" in one_line(result)
+    assert "give the file of one" in one_line(result)
 
 
 def test_the_files_of_the_street_are_input_of_estimate(model):
@@ -79,7 +79,7 @@ def test_the_files_of_the_street_are_input_of_estimate(model):
     assert len(line["objects"]) == len(STREET.bboxes)
 
 
-@bundled
+@needs_network
 def test_the_bundled_network_solves_the_street():
     result = demo.run()
     good = result.poses.ok

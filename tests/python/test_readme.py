@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from groundpose.keypoints.network import BUNDLED
+from groundpose.keypoints.network import bundled
 
 README = Path(__file__).parents[2] / "README.md"
 
@@ -13,7 +13,7 @@ def blocks() -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", README.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 
 
-@pytest.mark.skipif(not BUNDLED.exists(), reason="the bundled network is not there")
+@pytest.mark.skipif(not bundled().exists(), reason="the bundled network is not there")
 def test_readme_code_runs(tmp_path, monkeypatch):
     found = blocks()
     assert found, "the README has no Python code"

@@ -27,6 +27,11 @@ _NOT_BUNDLED = (
 )
 
 
+def bundled(name: str = "default") -> Path:
+    """The file of a network of `BUNDLED`, whether it is there or not."""
+    return MODELS / BUNDLED[name]
+
+
 class Network:
     """A trained network: crops in, keypoints with spread and class probabilities out.
 
@@ -50,7 +55,7 @@ class Network:
         if path is not None and not isinstance(path, (str, PathLike)):
             raise type_error("path", "a path", path)
         name = "default" if path is None else fspath(path)
-        self.path = MODELS / BUNDLED[name] if name in BUNDLED else Path(name)
+        self.path = bundled(name) if name in BUNDLED else Path(name)
         if name in BUNDLED and not self.path.exists():
             raise FileNotFoundError(2, _NOT_BUNDLED, str(self.path))
         self._session = _session(self.path, threads)
