@@ -11,6 +11,13 @@ use crate::options::Options;
 use crate::workspace::GrowingWorkspace;
 
 /// Objects a thread takes at once: enough to hide the cost of handing them out.
+///
+/// ```
+/// use groundpose::batch::OBJECTS_PER_TASK;
+///
+/// // Up to this many objects a batch stays on the caller's thread.
+/// assert_eq!(OBJECTS_PER_TASK, 16);
+/// ```
 pub const OBJECTS_PER_TASK: usize = 16;
 
 impl Estimator {
@@ -58,6 +65,35 @@ impl Estimator {
 
     /// A frame whose told tilt may be off for all objects by `frame_tilt_sigma` (radians, standard deviation): poses
     /// without a tilt prior first, the frame's tilt from all of them, then poses in the view with that tilt.
+    ///
+    /// ```
+    /// use groundpose::camera::{Camera, Tilt, View};
+    /// use groundpose::estimate::Estimator;
+    /// use groundpose::object::ShapeModel;
+    /// use groundpose::observation::Observation;
+    /// use groundpose::options::Options;
+    /// use groundpose::pose::Pose;
+    ///
+    /// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?;
+    /// let told = View::new(camera, Tilt::default())?;
+    /// let truth = View::new(camera, Tilt { pitch: 0.1, roll: 0.0 })?;
+    /// let points = [
+    ///     [-0.8, -0.3, 1.3], [0.8, -0.3, 1.3], [0.8, -0.3, -1.3], [-0.8, -0.3, -1.3],
+    ///     [-0.5, -1.4, 0.3], [0.5, -1.4, 0.3], [0.5, -1.4, -1.3], [-0.5, -1.4, -1.3],
+    /// ];
+    /// let model = ShapeModel::rigid(&points, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?;
+    /// let seen = [(0.7, -3.0), (2.0, 0.0), (-0.4, 3.0)].map(|(yaw, x)| {
+    ///     let pose = Pose::upright(&truth, yaw, [x, 1.5, 15.0].into());
+    ///     points.map(|point| camera.project(&pose.transform(point)).unwrap())
+    /// });
+    /// let observations = seen.each_ref().map(|pixels| Observation::new(pixels, &model).unwrap());
+    ///
+    /// let estimator = Estimator::new(Options { inlier_threshold: Some(4.0), ..Options::default() })?;
+    /// let (frame, poses) = estimator.estimate_frame(&told, &observations, 0.2)?;
+    /// assert!((frame.view.tilt.pitch - 0.1).abs() < 5e-3, "{}", frame.view.tilt.pitch);
+    /// assert!(poses.iter().all(Result::is_ok));
+    /// # Ok::<(), groundpose::error::InputError>(())
+    /// ```
     ///
     /// # Errors
     /// A standard deviation that is not positive.

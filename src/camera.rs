@@ -82,6 +82,19 @@ impl Camera {
     }
 
     /// Direction of a pixel in the camera frame, with z = 1.
+    ///
+    /// ```text
+    /// ray = K^-1 [u, v, 1] = [(u - cx) / fx, (v - cy) / fy, 1]
+    /// ```
+    ///
+    /// ```
+    /// use groundpose::camera::Camera;
+    ///
+    /// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?;
+    /// assert_eq!(camera.project(&(7.0 * camera.ray([1460.0, 290.0]))), Some([1460.0, 290.0]));
+    /// assert_eq!(camera.project(&[0.0, 0.0, -1.0].into()), None, "behind the camera");
+    /// # Ok::<(), groundpose::error::InputError>(())
+    /// ```
     #[must_use]
     pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
         Vector3::new((pixel[0] - self.cx) / self.fx, (pixel[1] - self.cy) / self.fy, 1.0)
@@ -158,6 +171,17 @@ fn distort_with_jacobian(d: &[f64; 5], x: f64, y: f64) -> ([f64; 2], [f64; 4]) {
 }
 
 /// How the camera is tilted against the ground.
+///
+/// ```
+/// use groundpose::camera::{Camera, Tilt, View};
+///
+/// // Pitch moves the horizon by `fy tan(pitch)`, up in the image when the camera looks down.
+/// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?;
+/// let [_, b, c] = View::new(camera, Tilt { pitch: -0.1, roll: 0.0 })?.horizon();
+/// assert!((-c / b - (540.0 - 1000.0 * 0.1_f64.tan())).abs() < 1e-9);
+/// assert_eq!(Tilt::default(), Tilt { pitch: 0.0, roll: 0.0 });
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tilt {
     /// Radians; positive when the optical axis points above the horizon.
@@ -267,6 +291,24 @@ impl View {
     }
 
     /// Unit normal, in the ground frame, of the plane through pixel column `u`; it points right.
+    ///
+    /// ```text
+    /// n = R_camera_from_ground^T [1, 0, -(u - cx) / fx] / norm
+    /// ```
+    ///
+    /// ```
+    /// use groundpose::camera::{Camera, Tilt, View};
+    ///
+    /// let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.1, roll: 0.02 })?;
+    /// let normal = view.column_plane(1200.0);
+    /// assert!(normal.dot(&view.ground_ray([1200.0, 333.0])).abs() < 1e-12, "on the plane");
+    /// assert!(normal.dot(&view.ground_ray([1201.0, 333.0])) > 0.0, "right of it");
+    ///
+    /// // Between the sides of a box both inward normals look the same way.
+    /// let inside = view.side_planes(1100.0, 1300.0).map(|side| side.dot(&view.ground_ray([1200.0, 600.0])));
+    /// assert!(inside[0] > 0.0 && inside[1] > 0.0);
+    /// # Ok::<(), groundpose::error::InputError>(())
+    /// ```
     #[must_use]
     pub fn column_plane(&self, u: f64) -> Vector3<f64> {
         // K^T [1, 0, -u] divided by fx
@@ -282,6 +324,16 @@ impl View {
     }
 
     /// A box without the sides that the image border cuts: they say where the image ends, not the object.
+    ///
+    /// ```
+    /// use groundpose::camera::{Camera, Tilt, View};
+    /// use groundpose::object::Bbox;
+    ///
+    /// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?.with_image_size(1920.0, 1080.0)?;
+    /// let seen = View::new(camera, Tilt::default())?.uncut_bbox(Bbox::new([1500.0, 400.0, 1919.0, 700.0])?);
+    /// assert!(seen.right.is_nan() && seen.left == 1500.0);
+    /// # Ok::<(), groundpose::error::InputError>(())
+    /// ```
     #[must_use]
     pub fn uncut_bbox(&self, mut bbox: Bbox) -> Bbox {
         if let Some([width, height]) = self.camera.image_size {
@@ -301,6 +353,17 @@ impl View {
 
     /// A box of a distorted image without distortion: each side moves as its middle does. A side whose middle
     /// cannot be undone becomes unknown.
+    ///
+    /// ```
+    /// use groundpose::camera::{Camera, Tilt, View};
+    /// use groundpose::object::Bbox;
+    ///
+    /// // A barrel lens pulls the sides inwards.
+    /// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?.with_distortion([-0.3, 0.1, 0.0, 0.0, 0.0])?;
+    /// let ideal = View::new(camera, Tilt::default())?.undistort_bbox(Bbox::new([1500.0, 400.0, 1800.0, 700.0])?);
+    /// assert!(ideal.right > 1850.0 && ideal.left > 1500.0);
+    /// # Ok::<(), groundpose::error::InputError>(())
+    /// ```
     #[must_use]
     pub fn undistort_bbox(&self, bbox: Bbox) -> Bbox {
         if self.camera.distortion.is_none() {
@@ -330,6 +393,21 @@ impl View {
     }
 
     /// Ray of a pixel in the ground frame, of length one in the bird's-eye view (paper, eq. 4).
+    ///
+    /// ```text
+    /// k = R_camera_from_ground^T K^-1 [u, v, 1] / norm(its x and z)
+    /// ```
+    ///
+    /// ```
+    /// use groundpose::camera::{Camera, Tilt, View};
+    ///
+    /// // From 1.5 m, looking level: a point on the ground 30 m away lies 50 px below the horizon.
+    /// let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt::default())?;
+    /// let k = view.ground_ray([960.0, 590.0]);
+    /// assert!((k * 30.0 - view.camera.ray([960.0, 590.0]) * 30.0).norm() < 1e-12);
+    /// assert!((k.y * 30.0 - 1.5).abs() < 1e-12);
+    /// # Ok::<(), groundpose::error::InputError>(())
+    /// ```
     #[must_use]
     pub fn ground_ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
         let ray = self.r_camera_from_ground.tr_mul(&self.camera.ray(pixel));

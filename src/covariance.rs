@@ -9,8 +9,24 @@ use crate::object::MAX_MODES;
 use crate::objective::Objective;
 
 /// Covariance of a pose: rotation vector on the left (camera frame, radians), then translation (metres).
+///
+/// ```
+/// use groundpose::covariance::PoseCovariance;
+///
+/// // 1 degree in every rotation, 0.1 m across and 0.5 m in depth.
+/// let sigma = [0.0175, 0.0175, 0.0175, 0.1, 0.1, 0.5_f64];
+/// let covariance = PoseCovariance::from_diagonal(&sigma.map(|s| s * s).into());
+/// assert_eq!(covariance[(5, 5)].sqrt(), 0.5);
+/// ```
 pub type PoseCovariance = SMatrix<f64, 6, 6>;
 /// Covariance of the shape coefficients, in the leading rows and columns.
+///
+/// ```
+/// use groundpose::covariance::ShapeCovariance;
+/// use groundpose::object::MAX_MODES;
+///
+/// assert_eq!(ShapeCovariance::zeros().nrows(), MAX_MODES);
+/// ```
 pub type ShapeCovariance = SMatrix<f64, MAX_MODES, MAX_MODES>;
 
 /// Covariances of pose and shape, when the noise of a coordinate is that of the objective's priors; `None` when the

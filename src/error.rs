@@ -3,6 +3,15 @@
 use core::fmt;
 
 /// A value the caller passed is not what the argument takes.
+///
+/// ```
+/// use groundpose::error::{Got, InputError};
+/// use groundpose::object::Bbox;
+///
+/// let error: InputError = Bbox::new([700.0, 400.0, 500.0, 600.0]).unwrap_err();
+/// assert_eq!((error.argument, error.got), ("bbox", Got::Pair(700.0, 500.0)));
+/// assert_eq!(error.to_string(), "bbox: expected left < right, got 700 and 500");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InputError {
     /// Name of the argument or field.
@@ -14,6 +23,13 @@ pub struct InputError {
 }
 
 /// What an argument was instead of what it takes.
+///
+/// ```
+/// use groundpose::error::Got;
+///
+/// assert_eq!(Got::Count(3).to_string(), "3");
+/// assert_eq!(Got::Text("NaN or infinite").to_string(), "NaN or infinite");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Got {
     /// A number.
@@ -52,6 +68,14 @@ pub(crate) fn require(ok: bool, argument: &'static str, expected: &'static str, 
 }
 
 /// Why an object has no pose. The data has no answer; nobody made a mistake.
+///
+/// ```
+/// use groundpose::error::NoPose;
+///
+/// assert_eq!(NoPose::NoConsensus.name(), "no_consensus");
+/// // The numbers are those of `status` in Python and in files.
+/// assert_eq!(NoPose::NAMES[NoPose::NoConsensus as usize], NoPose::NoConsensus.to_string());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum NoPose {

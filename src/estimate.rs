@@ -19,6 +19,37 @@ use crate::simd::VectorUnit;
 use crate::workspace::{Buffers, Workspace};
 
 /// The pose and shape of one object. Everything about residuals belongs to the pose returned.
+///
+/// ```
+/// use groundpose::camera::{Camera, Tilt, View};
+/// use groundpose::estimate::Estimator;
+/// use groundpose::object::ShapeModel;
+/// use groundpose::observation::Observation;
+/// use groundpose::options::{Options, Solver};
+/// use groundpose::pose::Pose;
+/// use groundpose::workspace::FixedWorkspace;
+///
+/// let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt::default())?;
+/// let points = [
+///     [-0.8, -0.3, 1.3], [0.8, -0.3, 1.3], [0.8, -0.3, -1.3], [-0.8, -0.3, -1.3],
+///     [-0.5, -1.4, 0.3], [0.5, -1.4, 0.3], [0.5, -1.4, -1.3], [-0.5, -1.4, -1.3],
+/// ];
+/// let model = ShapeModel::rigid(&points, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?;
+/// let truth = Pose::upright(&view, 0.7, [2.0, 1.5, 15.0].into());
+/// let pixels = points.map(|x| view.camera.project(&truth.transform(x)).unwrap().map(f64::round));
+/// let observation = Observation::new(&pixels, &model)?;
+///
+/// let estimator = Estimator::new(Options { inlier_threshold: Some(4.0), ..Options::default() })?;
+/// let mut workspace = FixedWorkspace::<8>::new();
+/// // As object 5 of a batch: its draws are its own.
+/// let estimate = estimator.estimate_indexed(&view, &observation, &mut workspace, 5).expect("a pose");
+/// assert_eq!((estimate.solver, estimate.inlier_count), (Solver::Up2p, 8));
+/// assert!(estimate.reprojection_rmse < 1.0 && estimate.score < 0.05 && estimate.log10_nfa < -3.0);
+/// // The depth and its standard deviation, metres.
+/// let sigma = estimate.covariance.expect("asked for by default")[(5, 5)].sqrt();
+/// assert!((estimate.pose.t.z - truth.t.z).abs() < 4.0 * sigma && sigma < 0.5);
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Estimate {
     /// `camera_from_object`.

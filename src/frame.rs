@@ -9,6 +9,24 @@ use crate::math::{sqrt, square};
 use crate::pose::Pose;
 
 /// What one object says of the road's normal.
+///
+/// [`frame_tilt`] shows how it is made and used; the poses come from options [`Options::without_tilt`].
+///
+/// [`Options::without_tilt`]: crate::options::Options::without_tilt
+///
+/// ```
+/// use groundpose::camera::{Camera, Tilt, View};
+/// use groundpose::covariance::PoseCovariance;
+/// use groundpose::frame::{FrameTilt, UpAxis, frame_tilt};
+/// use groundpose::pose::Pose;
+///
+/// let told = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt::default())?;
+/// let upright = Pose::upright(&told, 0.3, [2.0, 1.5, 20.0].into());
+/// let axis = UpAxis::new(&told, &upright, &(PoseCovariance::identity() * 1e-4));
+/// let frame: FrameTilt = frame_tilt(&told, &[axis], 0.03, 0.2);
+/// assert!(frame.view.tilt.pitch.abs() < 1e-9, "an upright object agrees with what was told");
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct UpAxis {
     /// Components of the object's down axis along the told ground frame's x and z axes.
@@ -17,6 +35,18 @@ pub struct UpAxis {
 }
 
 /// The tilt of a frame.
+///
+/// ```
+/// use groundpose::camera::{Camera, Tilt, View};
+/// use groundpose::frame::{FrameTilt, frame_tilt};
+///
+/// // Without objects it is what was told, as sure as that was.
+/// let told = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: 0.1, roll: 0.0 })?;
+/// let FrameTilt { view, covariance, objects } = frame_tilt(&told, &[], 0.03, 0.2);
+/// assert!((view.tilt.pitch - 0.1).abs() < 1e-12 && objects == 0.0);
+/// assert!((covariance[(0, 0)].sqrt() - 0.2).abs() < 1e-12);
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTilt {
     /// The view with the estimated tilt; camera and height are those told.

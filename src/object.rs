@@ -3,8 +3,28 @@
 use crate::error::{Got, InputError, require};
 
 /// Most modes of shape variation a model may have.
+///
+/// ```
+/// use groundpose::object::{MAX_MODES, ShapeModel};
+///
+/// let model = ShapeModel::rigid(&[[0.0; 3]], [[-1.0; 3], [1.0; 3]])?;
+/// let basis = [[0.1; 3]; MAX_MODES + 1];
+/// assert!(model.with_modes(&basis, &[1.0; MAX_MODES + 1]).is_err());
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 pub const MAX_MODES: usize = 10;
 /// Most corners a footprint may have.
+///
+/// ```
+/// use core::f64::consts::TAU;
+///
+/// use groundpose::object::{Footprint, MAX_CORNERS};
+///
+/// let disc = |n: usize| -> Vec<[f64; 2]> { (0..n).map(|k| (k as f64 / n as f64 * TAU).sin_cos().into()).collect() };
+/// assert!(Footprint::new(&disc(MAX_CORNERS)).is_ok());
+/// assert!(Footprint::new(&disc(MAX_CORNERS + 1)).is_err());
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 pub const MAX_CORNERS: usize = 16;
 
 /// A 2D box in pixels. A side that is NaN is not known.
@@ -117,13 +137,21 @@ impl Footprint {
 /// `X_i = mean_i + sum_j lambda_j B_ij`. Borrowed data, checked once.
 ///
 /// ```
-/// use groundpose::object::ShapeModel;
+/// use groundpose::object::{Footprint, ShapeModel};
 ///
 /// // Two keypoints on the roof; one mode that lifts both (y points down).
 /// let mean = [[-0.5, -1.4, 0.0], [0.5, -1.4, 0.0]];
 /// let basis = [[0.0, -0.125, 0.0], [0.0, -0.125, 0.0]];
 /// let model = ShapeModel::rigid(&mean, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?.with_modes(&basis, &[1.0])?;
 /// assert_eq!(model.keypoint(1, &[2.0]), [0.5, -1.65, 0.0]);
+///
+/// // What it was made of; the outline is the rectangle of the 3D box until a finer one is given.
+/// assert_eq!((model.keypoint_count(), model.eigenvalues()), (2, &[1.0][..]));
+/// assert_eq!((model.mean()[1], model.basis(0, 1)), (mean[1], basis[1]));
+/// assert_eq!(*model.footprint(), Footprint::rectangle(model.bbox_3d()));
+/// assert!(model.bbox_basis().is_empty(), "the box does not follow the shape");
+/// let narrow_front = Footprint::new(&[[-0.6, 2.2], [0.6, 2.2], [0.9, -2.2], [-0.9, -2.2]])?;
+/// assert_eq!(*model.with_footprint(narrow_front).footprint(), narrow_front);
 /// # Ok::<(), groundpose::error::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]

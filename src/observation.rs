@@ -16,6 +16,13 @@ use crate::object::{Bbox, ShapeModel};
 ///     .with_scores(&[0.9, 0.7, 0.0])?
 ///     .with_bbox(Bbox::new([694.1, 470.1, 963.0, 597.8])?);
 /// assert!(observation.is_visible(1) && !observation.is_visible(2));
+///
+/// // What it was made of, and a threshold of its own.
+/// assert_eq!((observation.keypoints_2d()[1], observation.score(1)), (pixels[1], 0.7));
+/// assert!(observation.has_scores() && observation.bbox().is_some());
+/// assert_eq!(observation.model().keypoint_count(), 3);
+/// assert_eq!(observation.inlier_threshold(), None);
+/// assert_eq!(observation.with_inlier_threshold(4.0)?.inlier_threshold(), Some(4.0));
 /// # Ok::<(), groundpose::error::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]

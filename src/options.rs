@@ -6,6 +6,12 @@ use crate::refine::Refinement;
 use crate::score::Scoring;
 
 /// Which minimal solver makes the hypotheses.
+///
+/// ```
+/// use groundpose::options::Solver;
+///
+/// assert_eq!(Solver::NAMES[Solver::P1pHeight as usize], "p1p_height");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Solver {
@@ -51,6 +57,14 @@ impl Solver {
 /// };
 /// assert!(paper.check().is_ok());
 /// assert_eq!(paper.effective_tilt_sigma(), f64::INFINITY);
+/// assert!(!paper.effective_shape_prior() && paper.effective_bbox_sigma(4.0).is_infinite());
+///
+/// // Ours, unless told otherwise: upright within 1.5 degrees, box sides within two thresholds, shapes of the class.
+/// let ours = Options::default().with_seed(1);
+/// assert_eq!(ours.effective_tilt_sigma(), Options::OBJECT_TILT_SIGMA);
+/// assert_eq!((ours.effective_bbox_sigma(4.0), ours.effective_shape_prior()), (8.0, true));
+/// // For the tilt of a frame the poses must be free.
+/// assert_eq!(ours.without_tilt().effective_tilt_sigma(), f64::INFINITY);
 ///
 /// let error = Options { confidence: 99.0, ..paper }.check().unwrap_err();
 /// assert_eq!(error.to_string(), "confidence: expected a probability between 0 and 1, got 99");

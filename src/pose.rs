@@ -16,6 +16,11 @@ use crate::math::{atan2, cos, sin};
 /// let pose = Pose::upright(&view, 0.5, [1.0, 1.5, 20.0].into());
 /// assert!((pose.yaw(&view) - 0.5).abs() < 1e-12);
 /// assert_eq!(pose.transform([0.0; 3]), pose.t);
+///
+/// // `exp(w) R` and `t + dt`; a rotation stays one.
+/// let moved = pose.perturbed(&[0.0, 1e-3, 0.0, 0.0, 0.0, 0.5].into()).orthonormalized();
+/// assert!((moved.yaw(&view) - 0.501).abs() < 1e-4 && moved.t.z == pose.t.z + 0.5);
+/// assert!(moved.is_finite() && (moved.r.determinant() - 1.0).abs() < 1e-12);
 /// # Ok::<(), groundpose::error::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -15,6 +15,12 @@ pub(crate) const MAX_CANDIDATES: usize = 4;
 const SAME_DIRECTION: f64 = 0.866;
 
 /// Why the search ended.
+///
+/// ```
+/// use groundpose::ransac::StopReason;
+///
+/// assert_eq!(StopReason::NAMES[StopReason::Exhausted as usize], "exhausted");
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum StopReason {
@@ -35,6 +41,14 @@ impl StopReason {
 }
 
 /// What the search did.
+///
+/// ```
+/// use groundpose::ransac::{RansacStatistics, StopReason};
+///
+/// // What it is before anything was searched; `Estimate::ransac` holds what it was.
+/// let none = RansacStatistics::default();
+/// assert_eq!((none.iterations, none.stop_reason), (0, StopReason::None));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RansacStatistics {
     /// Samples drawn.

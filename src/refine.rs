@@ -8,6 +8,14 @@ use crate::objective::Objective;
 use crate::pose::Pose;
 
 /// How a hypothesis becomes a pose.
+///
+/// ```
+/// use groundpose::options::Options;
+/// use groundpose::refine::Refinement;
+///
+/// let paper = Options { refinement: Refinement::Hre, ..Options::default() };
+/// assert!(paper.effective_tilt_sigma().is_infinite(), "the paper's refinement has no priors");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refinement {
     /// The hypothesis as it is.
@@ -23,6 +31,14 @@ pub enum Refinement {
 }
 
 /// Most stages a schedule has.
+///
+/// ```
+/// use groundpose::refine::{MAX_STAGES, StageStatistics};
+///
+/// // `Estimate::stages`: an unused place has no iterations.
+/// let stages = [StageStatistics::default(); MAX_STAGES];
+/// assert!(stages.iter().all(|stage| stage.iterations == 0));
+/// ```
 pub const MAX_STAGES: usize = 3;
 
 /// What a stage minimises.
@@ -56,6 +72,13 @@ pub(crate) struct Stage {
 pub(crate) type Schedule = [Option<Stage>; MAX_STAGES];
 
 /// Iterations and final cost of a stage.
+///
+/// ```
+/// use groundpose::refine::StageStatistics;
+///
+/// let StageStatistics { iterations, cost } = StageStatistics::default();
+/// assert_eq!((iterations, cost), (0, 0.0));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageStatistics {
     /// Steps tried.

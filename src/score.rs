@@ -5,6 +5,14 @@ use crate::residual::{Block, Projection};
 use crate::simd::VectorUnit;
 
 /// How a hypothesis is scored. Lower is better; both are at most the sum of the weights.
+///
+/// ```
+/// use groundpose::options::Options;
+/// use groundpose::score::Scoring;
+///
+/// let paper = Options { scoring: Scoring::Inliers, ..Options::default() };
+/// assert!(paper.check().is_ok() && Options::default().scoring == Scoring::Msac);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scoring {
     /// Truncated squared error `min(r^2 / tau^2, 1)` (MSAC).

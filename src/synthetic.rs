@@ -12,6 +12,14 @@ use crate::pose::Pose;
 use crate::sampler::Stream;
 
 /// Which scenes.
+///
+/// ```
+/// use groundpose::synthetic::{Kind, Protocol};
+///
+/// let cube = Protocol { kind: Kind::Cube, ..Protocol::default() };
+/// assert_eq!(cube.bbox_3d(), [[-2.0; 3], [2.0; 3]]);
+/// assert_eq!(cube.camera().image_size, Some([640.0, 480.0]));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Points in a cube of 4 m, 20 to 40 m away (paper, sec. 4.1.1).
@@ -21,6 +29,16 @@ pub enum Kind {
 }
 
 /// Where outliers fall.
+///
+/// ```
+/// use groundpose::synthetic::{Kind, Outliers, Protocol};
+///
+/// let protocol = Protocol { kind: Kind::Vehicle, outliers: Outliers::Box, ..Protocol::default() };
+/// let scene = protocol.scene(0, 3);
+/// let [left, _, right, _] = scene.bbox;
+/// let mut wrong = scene.keypoints_2d.iter().zip(&scene.is_inlier).filter(|(_, inlier)| !**inlier);
+/// assert!(wrong.all(|(pixel, _)| pixel[0] >= left && pixel[0] <= right));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outliers {
     /// Uniformly over the image.
@@ -30,6 +48,15 @@ pub enum Outliers {
 }
 
 /// What kind of error the box sides have.
+///
+/// ```
+/// use groundpose::synthetic::{BboxError, Protocol};
+///
+/// let exact = Protocol::default();
+/// let moved = Protocol { bbox_error: 3.0, bbox_error_kind: BboxError::Shift, ..exact };
+/// let right = |protocol: Protocol| protocol.scene(0, 1).bbox[2];
+/// assert!((right(moved) - right(exact) - 3.0).abs() < 1e-9);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BboxError {
     /// Both sides moved outward.
@@ -87,6 +114,15 @@ impl Default for Protocol {
 }
 
 /// One object and its truth.
+///
+/// ```
+/// use groundpose::synthetic::{Protocol, Scene};
+///
+/// let protocol = Protocol { outlier_ratio: 0.0, noise_sigma: 0.0, ..Protocol::default() };
+/// let scene: Scene = protocol.scene(0, 0);
+/// let seen = protocol.camera().project(&scene.pose.transform(scene.keypoints_3d[0])).unwrap();
+/// assert!((seen[0] - scene.keypoints_2d[0][0]).abs() < 1e-9);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Observed keypoints, pixels.
@@ -232,6 +268,20 @@ impl Protocol {
 }
 
 /// Extent of the eight projected corners of a 3D box; `None` when one is behind the camera.
+///
+/// ```
+/// use groundpose::camera::{Camera, Tilt, View};
+/// use groundpose::pose::Pose;
+/// use groundpose::synthetic::projected_bbox;
+///
+/// let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt::default())?;
+/// let cube = [[-1.0; 3], [1.0; 3]];
+/// let ahead = Pose::upright(&view, 0.0, [0.0, 0.0, 11.0].into());
+/// assert_eq!(projected_bbox(&view.camera, &ahead, &cube), Some([860.0, 440.0, 1060.0, 640.0]));
+/// let behind = Pose::upright(&view, 0.0, [0.0, 0.0, -11.0].into());
+/// assert_eq!(projected_bbox(&view.camera, &behind, &cube), None);
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 #[must_use]
 pub fn projected_bbox(camera: &Camera, pose: &Pose, bbox_3d: &[[f64; 3]; 2]) -> Option<[f64; 4]> {
     let mut bbox = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];

@@ -4,6 +4,15 @@ use crate::lanes::LANES;
 use crate::residual::Block;
 
 /// Buffers for one object.
+///
+/// ```
+/// use groundpose::workspace::{Buffers, FixedWorkspace, Workspace};
+///
+/// // Opaque: a workspace of one's own lends what another one made.
+/// let mut workspace = FixedWorkspace::<16>::new();
+/// let buffers: Option<Buffers> = workspace.buffers(12);
+/// assert!(buffers.is_some());
+/// ```
 pub struct Buffers<'a> {
     /// Points, a multiple of [`LANES`].
     pub(crate) blocks: &'a mut [Block],
@@ -20,6 +29,14 @@ pub struct Buffers<'a> {
 }
 
 /// Something that can lend buffers for `keypoints` keypoints.
+///
+/// ```
+/// use groundpose::workspace::{FixedWorkspace, Workspace};
+///
+/// let mut workspace = FixedWorkspace::<4>::new();
+/// assert!(workspace.buffers(3).is_some() && workspace.buffers(5).is_none());
+/// assert_eq!(workspace.residuals().len(), 3);
+/// ```
 pub trait Workspace {
     /// The buffers; `None` when the object is too large for a fixed workspace.
     fn buffers(&mut self, keypoints: usize) -> Option<Buffers<'_>>;
@@ -92,6 +109,13 @@ impl<const N: usize> Workspace for FixedWorkspace<N> {
 }
 
 /// Buffers that grow to the largest object seen and are then reused.
+///
+/// ```
+/// use groundpose::workspace::{GrowingWorkspace, Workspace};
+///
+/// let mut workspace = GrowingWorkspace::new();
+/// assert!(workspace.buffers(53).is_some() && workspace.buffers(1000).is_some());
+/// ```
 #[cfg(feature = "std")]
 #[derive(Default)]
 pub struct GrowingWorkspace {

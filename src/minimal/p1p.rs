@@ -28,6 +28,14 @@ use crate::observation::Observation;
 use crate::pose::{Pose, yaw_rotation};
 
 /// Which corners may touch the sides of the 2D box.
+///
+/// ```
+/// use groundpose::minimal::p1p::Cases;
+/// use groundpose::options::Options;
+///
+/// let paper = Options { cases: Cases::Paper, ..Options::default() };
+/// assert!(paper.check().is_ok() && Options::default().cases == Cases::All);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cases {
     /// All ordered pairs of footprint corners: always contains the truth.
@@ -44,6 +52,36 @@ const PAPER_CASES: [(usize, usize); 4] = [(3, 1), (2, 0), (0, 2), (1, 3)];
 pub(super) const FEASIBILITY_TOLERANCE: f64 = 0.03;
 
 /// The solver for one object in one view.
+///
+/// The objects are those of the example of [`MinimalSolver`].
+///
+/// ```
+/// # use groundpose::camera::{Camera, Tilt, View};
+/// # use groundpose::minimal::MinimalSolver;
+/// # use groundpose::object::{Bbox, ShapeModel};
+/// # use groundpose::observation::Observation;
+/// # use groundpose::pose::Pose;
+/// # let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.2, roll: 0.0 })?;
+/// # let bbox_3d = [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]];
+/// # let points = [[-0.8, -0.3, 1.3], [0.5, -1.4, -1.3], [0.8, -0.3, -1.3]];
+/// # let model = ShapeModel::rigid(&points, bbox_3d)?;
+/// # let truth = Pose::upright(&view, 0.7, [2.0, 6.0, 15.0].into());
+/// # let pixel = |x: [f64; 3]| view.camera.project(&truth.transform(x)).unwrap();
+/// # let pixels = points.map(pixel);
+/// # let corners = (0..8).map(|c| pixel(core::array::from_fn(|axis| bbox_3d[(c >> axis) & 1][axis])));
+/// # let columns: Vec<f64> = corners.map(|corner| corner[0]).collect();
+/// # let left = columns.iter().copied().fold(f64::INFINITY, f64::min);
+/// # let right = columns.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+/// use groundpose::minimal::p1p::{Cases, P1p};
+///
+/// let bbox = Bbox::new([left, f64::NAN, right, f64::NAN])?;
+/// let observation = Observation::new(&pixels, &model)?;
+/// let solver = P1p::new(&view, &observation, &bbox, Cases::All);
+/// let mut nearest = f64::INFINITY;
+/// solver.solve([1], &mut |pose| nearest = nearest.min((pose.t - truth.t).norm()));
+/// assert!(nearest < 1e-6, "the truth is one of the solutions");
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 pub struct P1p<'a> {
     view: &'a View,
     observation: &'a Observation<'a>,

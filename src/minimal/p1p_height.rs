@@ -17,6 +17,37 @@ use crate::pose::Pose;
 const SMALLEST_SLOPE: f64 = 1e-3;
 
 /// The solver for one object in one view of known height.
+///
+/// The objects are those of the example of [`MinimalSolver`].
+///
+/// ```
+/// # use groundpose::camera::{Camera, Tilt, View};
+/// # use groundpose::minimal::MinimalSolver;
+/// # use groundpose::object::{Bbox, ShapeModel};
+/// # use groundpose::observation::Observation;
+/// # use groundpose::pose::Pose;
+/// # let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.2, roll: 0.0 })?;
+/// # let bbox_3d = [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]];
+/// # let points = [[-0.8, -0.3, 1.3], [0.5, -1.4, -1.3], [0.8, -0.3, -1.3]];
+/// # let model = ShapeModel::rigid(&points, bbox_3d)?;
+/// # let truth = Pose::upright(&view, 0.7, [2.0, 6.0, 15.0].into());
+/// # let pixel = |x: [f64; 3]| view.camera.project(&truth.transform(x)).unwrap();
+/// # let pixels = points.map(pixel);
+/// # let corners = (0..8).map(|c| pixel(core::array::from_fn(|axis| bbox_3d[(c >> axis) & 1][axis])));
+/// # let columns: Vec<f64> = corners.map(|corner| corner[0]).collect();
+/// # let left = columns.iter().copied().fold(f64::INFINITY, f64::min);
+/// # let right = columns.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+/// use groundpose::minimal::p1p_height::P1pHeight;
+///
+/// // The camera is 6 m above the ground; the left side of the box is enough.
+/// let bbox = Bbox::new([left, f64::NAN, f64::NAN, f64::NAN])?;
+/// let observation = Observation::new(&pixels, &model)?;
+/// let solver = P1pHeight::new(&view, &observation, &bbox, 6.0);
+/// let mut nearest = f64::INFINITY;
+/// solver.solve([1], &mut |pose| nearest = nearest.min((pose.t - truth.t).norm()));
+/// assert!(nearest < 1e-6, "the truth is one of the solutions");
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 pub struct P1pHeight<'a> {
     view: &'a View,
     observation: &'a Observation<'a>,

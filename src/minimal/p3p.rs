@@ -17,6 +17,31 @@ use crate::observation::Observation;
 use crate::pose::Pose;
 
 /// The solver for one object.
+///
+/// The objects are those of the example of [`MinimalSolver`].
+///
+/// ```
+/// # use groundpose::camera::{Camera, Tilt, View};
+/// # use groundpose::minimal::MinimalSolver;
+/// # use groundpose::object::{Bbox, ShapeModel};
+/// # use groundpose::observation::Observation;
+/// # use groundpose::pose::Pose;
+/// # let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.2, roll: 0.0 })?;
+/// # let bbox_3d = [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]];
+/// # let points = [[-0.8, -0.3, 1.3], [0.5, -1.4, -1.3], [0.8, -0.3, -1.3]];
+/// # let model = ShapeModel::rigid(&points, bbox_3d)?;
+/// # let truth = Pose::upright(&view, 0.7, [2.0, 6.0, 15.0].into());
+/// # let pixel = |x: [f64; 3]| view.camera.project(&truth.transform(x)).unwrap();
+/// # let pixels = points.map(pixel);
+/// use groundpose::minimal::p3p::P3p;
+///
+/// let observation = Observation::new(&pixels, &model)?;
+/// let solver = P3p::new(&view.camera, &observation);
+/// let mut nearest = f64::INFINITY;
+/// solver.solve([0, 1, 2], &mut |pose| nearest = nearest.min((pose.t - truth.t).norm()));
+/// assert!(nearest < 1e-6, "the truth is one of the solutions");
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 pub struct P3p<'a> {
     camera: &'a Camera,
     observation: &'a Observation<'a>,

@@ -18,6 +18,31 @@ const SMALLEST_BASELINE: f64 = 1e-6;
 const SMALLEST_SLOPE: f64 = 1e-9;
 
 /// The solver for one object in one view.
+///
+/// The objects are those of the example of [`MinimalSolver`].
+///
+/// ```
+/// # use groundpose::camera::{Camera, Tilt, View};
+/// # use groundpose::minimal::MinimalSolver;
+/// # use groundpose::object::{Bbox, ShapeModel};
+/// # use groundpose::observation::Observation;
+/// # use groundpose::pose::Pose;
+/// # let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.2, roll: 0.0 })?;
+/// # let bbox_3d = [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]];
+/// # let points = [[-0.8, -0.3, 1.3], [0.5, -1.4, -1.3], [0.8, -0.3, -1.3]];
+/// # let model = ShapeModel::rigid(&points, bbox_3d)?;
+/// # let truth = Pose::upright(&view, 0.7, [2.0, 6.0, 15.0].into());
+/// # let pixel = |x: [f64; 3]| view.camera.project(&truth.transform(x)).unwrap();
+/// # let pixels = points.map(pixel);
+/// use groundpose::minimal::up2p::Up2p;
+///
+/// let observation = Observation::new(&pixels, &model)?;
+/// let solver = Up2p::new(&view, &observation);
+/// let mut nearest = f64::INFINITY;
+/// solver.solve([0, 1], &mut |pose| nearest = nearest.min((pose.t - truth.t).norm()));
+/// assert!(nearest < 1e-6, "the truth is one of the solutions");
+/// # Ok::<(), groundpose::error::InputError>(())
+/// ```
 pub struct Up2p<'a> {
     view: &'a View,
     observation: &'a Observation<'a>,
