@@ -12,7 +12,10 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 export PROPTEST_RNG_SEED ?= 0
 RUST_SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src -name '*.rs')
 
-.PHONY: demo test test-rust test-python test-train lint results clean
+# boards without an operating system on which the crate is tried, where the toolchain and QEMU are there
+BARE_METAL := thumbv7em-none-eabihf aarch64-unknown-none
+
+.PHONY: demo test test-rust test-python test-train lint results package wheel clean
 
 demo: $(VENV)/installed
 	$(BIN)/groundpose demo
@@ -34,6 +37,8 @@ $(VENV)/installed-dev: $(VENV)/installed
 
 lint: $(VENV)/installed-dev
 	cargo fmt --check
+	cargo fmt --check --manifest-path probe/Cargo.toml
+	cargo fmt --check --manifest-path examples/embedded/Cargo.toml
 	cargo clippy --quiet --all-targets --features python -- --deny warnings
 	cargo clippy --quiet --no-default-features -- --deny warnings
 	cargo clippy --quiet --all-targets --features synthetic -- --deny warnings
@@ -43,6 +48,7 @@ lint: $(VENV)/installed-dev
 	$(BIN)/mypy
 
 test-rust: $(BIN)/python
+	-rustup --quiet target add $(BARE_METAL)
 	cargo test --quiet --features synthetic
 
 test-python: $(VENV)/installed-dev
@@ -59,6 +65,18 @@ results: $(VENV)/installed-dev
 	-$(BIN)/python -m groundpose.evaluate.bars
 	-$(BIN)/python -m groundpose.evaluate.bars --seed 1 --only v1,e1,e1-90,e1-tilt,chance --out results/solver_seed1.json
 	$(BIN)/python -m groundpose.evaluate.real
+
+# what `cargo publish` would send, built as its users build it
+package:
+	cargo publish --dry-run --locked
+
+# the wheel for this machine's platform, tried in an environment of its own; on Linux for glibc 2.28 and later
+wheel: $(BIN)/python
+	$(BIN)/pip install --quiet 'maturin[zig]>=1.9,<2'
+	rm -rf target/wheels
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/maturin build --release --locked --out target/wheels \
+		$(if $(filter Linux,$(shell uname)),--zig --compatibility manylinux_2_28)
+	$(BIN)/python tests/try_wheel.py target/wheels/groundpose-*.whl
 
 clean:
 	rm -rf target $(VENV)
