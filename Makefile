@@ -2,7 +2,8 @@
 #   make demo    build, estimate the bundled scene, draw it
 #   make test    all tests, lints, type checks and documentation examples
 # `make test-train` adds the tests of training and export (PyTorch, several GB).
-# `make results` measures again what docs/results.md says (half an hour on a quiet machine).
+# `make results` measures again what docs/results.md says (half an hour on a quiet machine),
+# `make bench` what docs/performance.md says (a quarter of an hour), `make bench-compare` whether anything got slower.
 
 PYTHON ?= python3
 VENV := .venv
@@ -15,7 +16,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src -name '*.r
 # boards without an operating system on which the crate is tried, where the toolchain and QEMU are there
 BARE_METAL := thumbv7em-none-eabihf aarch64-unknown-none
 
-.PHONY: demo test test-rust test-python test-train lint results package wheel clean
+.PHONY: demo test test-rust test-python test-train lint results bench bench-compare package wheel clean
 
 demo: $(VENV)/installed
 	$(BIN)/groundpose demo
@@ -65,6 +66,15 @@ results: $(VENV)/installed-dev
 	-$(BIN)/python -m groundpose.evaluate.bars
 	-$(BIN)/python -m groundpose.evaluate.bars --seed 1 --only v1,e1,e1-90,e1-tilt,chance --out results/solver_seed1.json
 	$(BIN)/python -m groundpose.evaluate.real
+
+bench: $(VENV)/installed-dev
+	$(BIN)/pip install --quiet --editable '.[rivals]'
+	$(BIN)/groundpose bench --instructions --native --fresh -o results/bench.json --figure docs/performance.png --save-baseline results/bench_baseline.json
+	$(BIN)/python -m groundpose.bench.page
+
+bench-compare: $(VENV)/installed-dev
+	$(BIN)/pip install --quiet --editable '.[rivals]'
+	$(BIN)/groundpose bench --instructions -o target/bench.json --fresh --compare results/bench_baseline.json
 
 # what `cargo publish` would send, built as its users build it
 package:
