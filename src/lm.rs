@@ -9,6 +9,9 @@ use crate::objective::Objective;
 const DAMPING: (f64, f64) = (1e-10, 1e8);
 /// Rejected steps in a row before giving up.
 const MAX_REJECTIONS: usize = 6;
+/// A step that the linear model expects to lower the cost by less than this share of the tolerance is the last one:
+/// robust kernels give more than the model expects, but not so much more.
+const LAST_STEP: f64 = 0.5;
 
 impl Objective<'_> {
     /// Robust cost and normal equations are minimised from `state` with a fixed kernel for at most
@@ -19,7 +22,7 @@ impl Objective<'_> {
         state: &mut State,
         max_iterations: usize,
         tolerance: f64,
-        mut kernel_at: impl FnMut(&Self, &State) -> Kernel,
+        mut kernel_at: impl FnMut(&mut Self, &State) -> Kernel,
     ) -> (f64, usize) {
         if D > 6 {
             self.set_shape(&state.coefficients);
@@ -39,6 +42,17 @@ impl Objective<'_> {
             let trial = state.moved(&step);
             if D > 6 {
                 self.set_shape(&trial.coefficients);
+            }
+            let predicted = -0.5 * (0..D).map(|i| step[i] * normal.gradient[i]).sum::<f64>();
+            if predicted <= LAST_STEP * tolerance * normal.cost || iteration + 1 == max_iterations {
+                // Its normal equations are of no use.
+                let cost = self.cost(&trial, kernel);
+                if cost < normal.cost {
+                    *state = trial;
+                    return (cost, iteration + 1);
+                }
+                self.set_shape(&state.coefficients);
+                return (normal.cost, iteration + 1);
             }
             let mut next = self.linearise::<D>(&trial, kernel);
             if next.cost < normal.cost {
@@ -62,10 +76,9 @@ impl Objective<'_> {
                     self.set_shape(&state.coefficients);
                 }
                 // No step can lower the cost: rounding, or a minimum.
-                let predicted: f64 = (0..D).map(|i| -step[i] * normal.gradient[i]).sum();
                 rejections += 1;
                 damping = (damping * 10.0).min(DAMPING.1);
-                if predicted <= tolerance * normal.cost || rejections > MAX_REJECTIONS {
+                if 2.0 * predicted <= tolerance * normal.cost || rejections > MAX_REJECTIONS {
                     return (normal.cost, iteration + 1);
                 }
             }

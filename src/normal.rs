@@ -30,6 +30,7 @@ impl State {
 
 /// Normal equations at a state, and the cost there.
 pub(crate) struct Normal<const D: usize> {
+    /// Upper triangle; the lower one is zero.
     pub(crate) h: [[f64; D]; D],
     pub(crate) gradient: [f64; D],
     pub(crate) cost: f64,
@@ -58,12 +59,6 @@ pub(crate) fn add_row<const D: usize, const N: usize>(
     }
 }
 
-/// Adds a row that does not depend on the shape.
-#[inline]
-pub(crate) fn add_pose_row<const D: usize>(normal: &mut Normal<D>, j: &[f64; 6], residual: f64, weight: f64) {
-    add_row(normal, j, residual, weight);
-}
-
 /// `-(H + damping diag(H))^-1 gradient`; `None` when the matrix is not positive definite.
 pub(crate) fn solve_damped<const D: usize>(normal: &Normal<D>, damping: f64) -> Option<[f64; D]> {
     let mut h = normal.h;
@@ -76,45 +71,46 @@ pub(crate) fn solve_damped<const D: usize>(normal: &Normal<D>, damping: f64) -> 
     x.iter().all(|x| x.is_finite()).then_some(x)
 }
 
-/// Lower Cholesky factor in place, with inverse diagonal; `None` when the matrix is not positive definite.
+/// Upper Cholesky factor `U`, `H = U^T U`, in place of the upper triangle, with inverse diagonal; `None` when the
+/// matrix is not positive definite.
+#[inline(always)]
 pub(crate) fn cholesky<const D: usize>(h: &mut [[f64; D]; D]) -> Option<()> {
+    let scales: [f64; D] = core::array::from_fn(|j| h[j][j]);
     for j in 0..D {
-        let scale = h[j][j];
-        let mut pivot = h[j][j];
-        for k in 0..j {
-            pivot -= h[j][k] * h[j][k];
-        }
+        let pivot = h[j][j];
         // Relative to the diagonal: a direction the data says nothing about.
-        if !(pivot > 1e-14 * scale) {
+        if !(pivot > 1e-14 * scales[j]) {
             return None;
         }
         let inverse = 1.0 / sqrt(pivot);
         for i in j + 1..D {
-            let mut s = h[i][j];
-            for k in 0..j {
-                s -= h[i][k] * h[j][k];
-            }
-            h[i][j] = s * inverse;
+            h[j][i] *= inverse;
         }
         h[j][j] = inverse;
+        for i in j + 1..D {
+            let factor = h[j][i];
+            for k in i..D {
+                h[i][k] -= factor * h[j][k];
+            }
+        }
     }
     Some(())
 }
 
-/// Solves `L L^T x = b` in place with the factor of [`cholesky`].
-pub(crate) fn solve_cholesky<const D: usize>(l: &[[f64; D]; D], x: &mut [f64; D]) {
+/// Solves `U^T U x = b` in place with the factor of [`cholesky`].
+#[inline(always)]
+pub(crate) fn solve_cholesky<const D: usize>(u: &[[f64; D]; D], x: &mut [f64; D]) {
     for i in 0..D {
-        let mut s = x[i];
-        for k in 0..i {
-            s -= l[i][k] * x[k];
+        x[i] *= u[i][i];
+        for k in i + 1..D {
+            x[k] -= u[i][k] * x[i];
         }
-        x[i] = s * l[i][i];
     }
     for i in (0..D).rev() {
         let mut s = x[i];
         for k in i + 1..D {
-            s -= l[k][i] * x[k];
+            s -= u[i][k] * x[k];
         }
-        x[i] = s * l[i][i];
+        x[i] = s * u[i][i];
     }
 }

@@ -131,7 +131,7 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
         objective.priors.noise_sigma = noise.sigma;
         noise_scale = objective.noise.tukey_scale(noise);
     }
-    let kernel_at = |objective: &Objective, state: &State| match stage.kernel {
+    let kernel_at = |objective: &mut Objective, state: &State| match stage.kernel {
         StageKernel::Inliers { .. } => Kernel::LeastSquares,
         StageKernel::FixedTukey { c } => Kernel::Tukey { c2: square(c) },
         StageKernel::NoiseTukey => Kernel::Tukey { c2: square(noise_scale) },
@@ -150,11 +150,11 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
 }
 
 /// `median(|r - median(r)|) / 0.6745` over the visible keypoints (paper, below eq. 10).
-fn mad_scale(objective: &Objective, pose: &Pose, scratch: &mut [f64]) -> f64 {
+fn mad_scale(objective: &mut Objective, pose: &Pose, scratch: &mut [f64]) -> f64 {
     let residuals = &mut scratch[..objective.visible.len()];
-    objective.squared_residuals(pose, residuals);
-    for r in residuals.iter_mut() {
-        *r = sqrt(*r);
+    objective.measure(pose);
+    for (r, (r2, _)) in residuals.iter_mut().zip(objective.measured()) {
+        *r = sqrt(r2);
     }
     let centre = median(residuals);
     for r in residuals.iter_mut() {

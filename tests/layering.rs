@@ -5,11 +5,12 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the bottom of the house to its roof. Below `minimal` its parts, in their own order.
-const ORDER: [&str; 36] = [
+const ORDER: [&str; 40] = [
     "error",
     "math",
-    "simd",
     "lanes",
+    "avx",
+    "simd",
     "object",
     "camera",
     "pose",
@@ -21,6 +22,9 @@ const ORDER: [&str; 36] = [
     "p3p",
     "residual",
     "loss",
+    "outermost",
+    "sides",
+    "pose_sums",
     "score",
     "sampler",
     "ransac",

@@ -22,10 +22,12 @@ use nalgebra::Vector3;
 
 use super::MinimalSolver;
 use crate::camera::View;
+use crate::lanes::{LANES, Lanes, Unit, Vector};
 use crate::math::{norm2, sqrt};
 use crate::object::{Bbox, Footprint, MAX_CORNERS, ShapeModel};
 use crate::observation::Observation;
-use crate::pose::{Pose, yaw_rotation};
+use crate::pose::Pose;
+use crate::simd::{HotLoop, VectorUnit};
 
 /// Which corners may touch the sides of the 2D box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +47,7 @@ pub(super) const FEASIBILITY_TOLERANCE: f64 = 0.03;
 
 /// The solver for one object in one view.
 pub struct P1p<'a> {
+    unit: VectorUnit,
     view: &'a View,
     observation: &'a Observation<'a>,
     planes: [Vector3<f64>; 2],
@@ -54,12 +57,16 @@ pub struct P1p<'a> {
     cases: Cases,
 }
 
+/// Most groups of [`LANES`] corners.
+const GROUPS: usize = MAX_CORNERS / LANES;
+
 /// One plane seen from one keypoint: corner `c` lies on it when `a l_C + p_c cos + q_c sin + g = 0`.
 struct PlaneEquation {
     a: f64,
     g: f64,
-    /// `(p, q)` of every corner.
-    corners: [(f64, f64); MAX_CORNERS],
+    /// Of every corner, padded by repeating the last.
+    p: [Lanes; GROUPS],
+    q: [Lanes; GROUPS],
 }
 
 impl PlaneEquation {
@@ -71,21 +78,41 @@ impl PlaneEquation {
         ray: &Vector3<f64>,
         keypoint: [f64; 3],
     ) -> Self {
-        let mut corners = [(0.0, 0.0); MAX_CORNERS];
-        for (pq, &[x, z]) in corners.iter_mut().zip(footprint.corners()) {
+        let (mut p, mut q) = ([Lanes::splat(0.0); GROUPS], [Lanes::splat(0.0); GROUPS]);
+        let corners = footprint.corners();
+        for c in 0..corners.len().next_multiple_of(LANES) {
+            let [x, z] = corners[c.min(corners.len() - 1)];
             let (dx, dz) = (x - keypoint[0], z - keypoint[2]);
             // R(yaw) d = (c dx + s dz, dy, c dz - s dx)
-            *pq = (plane.x * dx + plane.z * dz, plane.x * dz - plane.z * dx);
+            p[c / LANES].0[c % LANES] = plane.x * dx + plane.z * dz;
+            q[c / LANES].0[c % LANES] = plane.x * dz - plane.z * dx;
         }
-        Self { a: plane.dot(ray), g: plane.y * (touching_y - keypoint[1]), corners }
+        Self { a: plane.dot(ray), g: plane.y * (touching_y - keypoint[1]), p, q }
     }
 
-    /// Whether all corners are on the inner side, give or take the tolerance.
+    /// `(p, q)` of a corner.
     #[inline(always)]
-    fn holds(&self, count: usize, cosine: f64, sine: f64, distance: f64) -> bool {
-        let limit = -(FEASIBILITY_TOLERANCE + self.a) * distance - self.g;
-        self.corners[..count].iter().all(|(p, q)| p * cosine + q * sine >= limit)
+    fn corner(&self, c: usize) -> (f64, f64) {
+        (self.p[c / LANES].0[c % LANES], self.q[c / LANES].0[c % LANES])
     }
+
+    /// By how much the corner that is furthest out is on the inner side, tolerance included.
+    #[inline(always)]
+    fn margin<U: Unit>(&self, unit: U, count: usize, yaw: Yaw<U::Vector>, distance: U::Vector) -> U::Vector {
+        let mut furthest = unit.splat(f64::INFINITY);
+        for c in 0..count {
+            let (p, q) = self.corner(c);
+            furthest = (yaw.cosine * p + yaw.sine * q).min(furthest);
+        }
+        furthest + (distance * (FEASIBILITY_TOLERANCE + self.a) + unit.splat(self.g))
+    }
+}
+
+/// Yaws of four cases.
+#[derive(Clone, Copy)]
+struct Yaw<V> {
+    cosine: V,
+    sine: V,
 }
 
 impl<'a> P1p<'a> {
@@ -98,7 +125,8 @@ impl<'a> P1p<'a> {
             Cases::All => *model.footprint(),
             Cases::Paper => Footprint::rectangle(model.bbox_3d()),
         };
-        Self { view, observation, planes, footprint, touching_y: touching_heights(&planes, model), cases }
+        let unit = VectorUnit::detect();
+        Self { unit, view, observation, planes, footprint, touching_y: touching_heights(&planes, model), cases }
     }
 }
 
@@ -112,29 +140,6 @@ pub(super) fn solve_yaw(p: f64, q: f64, g: f64) -> Option<[(f64, f64); 2]> {
     }
     let (inverse, root) = (1.0 / norm_squared, sqrt(discriminant));
     Some([1.0, -1.0].map(|sign| ((-g * p + sign * root * q) * inverse, (-g * q - sign * root * p) * inverse)))
-}
-
-/// Both solutions of one case, before the test of feasibility: cosine, sine, distance.
-#[inline(always)]
-fn solve_case(
-    on_left: &PlaneEquation,
-    on_right: &PlaneEquation,
-    left: usize,
-    right: usize,
-) -> [Option<(f64, f64, f64)>; 2] {
-    let ((p_left, q_left), (p_right, q_right)) = (on_left.corners[left], on_right.corners[right]);
-    // l_C eliminated: p cos + q sin + g = 0
-    let p = on_right.a * p_left - on_left.a * p_right;
-    let q = on_right.a * q_left - on_left.a * q_right;
-    let g = on_right.a * on_left.g - on_left.a * on_right.g;
-    let Some(yaws) = solve_yaw(p, q, g) else { return [None, None] };
-    // Of the two equations the one whose plane is further from the ray gives the distance.
-    let (plane, (p_plane, q_plane)) =
-        if on_left.a.abs() > on_right.a.abs() { (on_left, (p_left, q_left)) } else { (on_right, (p_right, q_right)) };
-    yaws.map(|(cosine, sine)| {
-        let distance = -(p_plane * cosine + q_plane * sine + plane.g) / plane.a;
-        (distance > 0.0).then_some((cosine, sine, distance))
-    })
 }
 
 /// For each plane the height of the 3D box (top or bottom) at which it touches the box: the sign of the
@@ -154,9 +159,11 @@ pub(super) fn pose_at(
     sine: f64,
     distance: f64,
 ) -> Pose {
-    let length = norm2(cosine, sine);
-    let r = yaw_rotation(cosine / length, sine / length);
-    Pose::from_ground(view, r, ray * distance - r * Vector3::from(keypoint))
+    let inverse = 1.0 / norm2(cosine, sine);
+    let (cosine, sine) = (cosine * inverse, sine * inverse);
+    let [x, y, z] = keypoint;
+    let turned = Vector3::new(cosine * x + sine * z, y, cosine * z - sine * x);
+    Pose::from_yaw(view, cosine, sine, ray * distance - turned)
 }
 
 impl MinimalSolver<1> for P1p<'_> {
@@ -165,26 +172,95 @@ impl MinimalSolver<1> for P1p<'_> {
         let keypoint = self.observation.model().mean()[index];
         let equation =
             |k: usize| PlaneEquation::new(&self.planes[k], self.touching_y[k], &self.footprint, &ray, keypoint);
-        let (on_left, on_right) = (equation(0), equation(1));
+        let planes = &[equation(0), equation(1)];
         let count = self.footprint.corners().len();
-        let mut try_case = |left: usize, right: usize| {
-            for (cosine, sine, distance) in solve_case(&on_left, &on_right, left, right).into_iter().flatten() {
-                let feasible =
-                    on_left.holds(count, cosine, sine, distance) && on_right.holds(count, cosine, sine, distance);
-                if feasible {
-                    emit(pose_at(self.view, &ray, keypoint, cosine, sine, distance));
+        let mut solve_left = |left: usize, is_case: &dyn Fn(usize) -> bool| {
+            for group in 0..count.div_ceil(LANES) {
+                let solutions = self.unit.run(CasesOfLeft { planes, count, left, group });
+                for lane in 0..LANES {
+                    let right = group * LANES + lane;
+                    if right >= count || !is_case(right) {
+                        continue;
+                    }
+                    for solution in &solutions {
+                        if solution.margin.0[lane] >= 0.0 {
+                            let (cosine, sine) = (solution.cosine.0[lane], solution.sine.0[lane]);
+                            let distance = solution.distance.0[lane];
+                            emit(pose_at(self.view, &ray, keypoint, cosine, sine, distance));
+                        }
+                    }
                 }
             }
         };
         match self.cases {
-            Cases::Paper => PAPER_CASES.iter().for_each(|&(left, right)| try_case(left, right)),
-            Cases::All => {
-                for left in 0..count {
-                    for right in (0..count).filter(|&right| right != left) {
-                        try_case(left, right);
-                    }
-                }
-            }
+            Cases::Paper => PAPER_CASES.iter().for_each(|&(left, right)| solve_left(left, &|c| c == right)),
+            Cases::All => (0..count).for_each(|left| solve_left(left, &|c| c != left)),
         }
+    }
+}
+
+/// One root of four cases: a left corner and four right ones.
+#[derive(Clone, Copy, Default)]
+struct Solutions {
+    cosine: Lanes,
+    sine: Lanes,
+    distance: Lanes,
+    /// Negative, or not a number, where the case has no solution or a corner is outside.
+    margin: Lanes,
+}
+
+/// Both roots of the cases of one left corner with a group of right ones.
+struct CasesOfLeft<'a> {
+    planes: &'a [PlaneEquation; 2],
+    count: usize,
+    left: usize,
+    group: usize,
+}
+
+impl HotLoop for CasesOfLeft<'_> {
+    type Output = [Solutions; 2];
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) -> [Solutions; 2] {
+        let [on_left, on_right] = self.planes;
+        let (p_left, q_left) = on_left.corner(self.left);
+        let (p_right, q_right) = (unit.load(on_right.p[self.group]), unit.load(on_right.q[self.group]));
+        // l_C eliminated: p cos + q sin + g = 0
+        let p = unit.splat(on_right.a * p_left) - p_right * on_left.a;
+        let q = unit.splat(on_right.a * q_left) - q_right * on_left.a;
+        let g = on_right.a * on_left.g - on_left.a * on_right.g;
+        let norm_squared = p * p + q * q;
+        let discriminant = norm_squared - unit.splat(g * g);
+        // Complex yaws, and those of planes that coincide, are not numbers: no margin is as large as zero.
+        let inverse = (unit.splat(1.0) / norm_squared).where_positive(discriminant, unit.splat(f64::NAN));
+        let root = discriminant.sqrt();
+        // Of the two equations the one whose plane is further from the ray gives the distance.
+        let is_left = on_left.a.abs() > on_right.a.abs();
+        let (plane, p_plane, q_plane) = if is_left {
+            (on_left, unit.splat(p_left), unit.splat(q_left))
+        } else {
+            (on_right, p_right, q_right)
+        };
+        let (zero, per_a) = (unit.zero(), -1.0 / plane.a);
+        let mut solutions = [Solutions::default(); 2];
+        for (solution, sign) in solutions.iter_mut().zip([1.0, -1.0]) {
+            let root = root * sign;
+            let cosine = (root * q - p * g) * inverse;
+            let sine = (zero - (root * p + q * g)) * inverse;
+            let yaw = Yaw { cosine, sine };
+            let distance = (p_plane * cosine + q_plane * sine + unit.splat(plane.g)) * per_a;
+            let margins = (
+                on_left.margin(unit, self.count, yaw, distance),
+                on_right.margin(unit, self.count, yaw, distance),
+            );
+            let margin = margins.0.min(margins.1).where_positive(distance, unit.splat(-1.0));
+            *solution = Solutions {
+                cosine: cosine.lanes(),
+                sine: sine.lanes(),
+                distance: distance.lanes(),
+                margin: margin.lanes(),
+            };
+        }
+        solutions
     }
 }

@@ -231,8 +231,8 @@ fn check_hessian<const D: usize>(objective: &mut Objective, state: &State) {
         let (forth, back) = (normal(&moved::<D>(state, k, STEP)), normal(&moved::<D>(state, k, -STEP)));
         for i in 0..6 + MODES.min(D - 6) {
             let numeric = (forth.gradient[i] - back.gradient[i]) / (2.0 * STEP);
-            assert_close(h[i][k], numeric, 100.0 * (1.0 + (h[i][i] * h[k][k]).sqrt()), &format!("{i}, {k}"));
-            assert_eq!(h[i][k], h[k][i]);
+            let entry = h[i.min(k)][i.max(k)];
+            assert_close(entry, numeric, 100.0 * (1.0 + (h[i][i] * h[k][k]).sqrt()), &format!("{i}, {k}"));
         }
     }
 }

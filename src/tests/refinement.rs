@@ -185,11 +185,11 @@ fn covariance_of_gauss_newton() {
             let found: Matrix6<f64> = if case.has_shape() {
                 objective.set_shape(&state.coefficients);
                 let h = objective.linearise::<JOINT>(&state, Kernel::LeastSquares).h;
-                let h = nalgebra::SMatrix::<f64, JOINT, JOINT>::from_fn(|i, j| h[i][j]);
+                let h = nalgebra::SMatrix::<f64, JOINT, JOINT>::from_fn(|i, j| h[i.min(j)][i.max(j)]);
                 (h.try_inverse().unwrap() * variance).fixed_view::<6, 6>(0, 0).into_owned()
             } else {
                 let h = objective.linearise::<6>(&state, Kernel::LeastSquares).h;
-                Matrix6::from_fn(|i, j| h[i][j]).try_inverse().unwrap() * variance
+                Matrix6::from_fn(|i, j| h[i.min(j)][i.max(j)]).try_inverse().unwrap() * variance
             };
             let expected = Matrix6::from_fn(|i, j| number(&case.value["covariance"][i][j]));
             assert!((found - expected).norm() < 1e-6 * expected.norm(), "{name}: {found} {expected}");
