@@ -47,9 +47,10 @@ struct Expected {
     weights: f64,
 }
 
-/// [`bell_inverse`] on many numbers.
+/// `(1 + x / 16)^16`, for `exp(x)`: inliers with the tails of Student's t with 30 degrees of freedom, and no call of
+/// a library in the loop.
 #[inline(always)]
-fn bell_inverse_lanes<U: Unit>(unit: U, x: U::Vector) -> U::Vector {
+pub(crate) fn bell_inverse_lanes<U: Unit>(unit: U, x: U::Vector) -> U::Vector {
     let y = unit.splat(1.0) + x * 0.0625;
     let y = y * y;
     let y = y * y;
@@ -57,15 +58,14 @@ fn bell_inverse_lanes<U: Unit>(unit: U, x: U::Vector) -> U::Vector {
     y * y
 }
 
-/// `(1 + x / 16)^16`, for `exp(x)`: inliers with the tails of Student's t with 30 degrees of freedom, and no call of
-/// a library in the loop.
+/// [`inlier_probability`] of many keypoints.
 #[inline(always)]
-pub(crate) fn bell_inverse(x: f64) -> f64 {
-    square(square(square(square(1.0 + 0.0625 * x))))
+pub(crate) fn inlier_probability_lanes<U: Unit>(unit: U, share: f64, weight: U::Vector) -> U::Vector {
+    (weight * share).max(unit.splat(SHARES[0])).min(unit.splat(SHARES[1]))
 }
 
 /// Probability that a keypoint is an inlier, before it is looked at: in proportion to its weight.
-pub(crate) fn inlier_probability(share: f64, weight: f64) -> f64 {
+fn inlier_probability(share: f64, weight: f64) -> f64 {
     (share * weight).clamp(SHARES[0], SHARES[1])
 }
 
@@ -108,11 +108,10 @@ impl HotLoop for Expectation<'_> {
         let variance = square(self.noise.sigma);
         let (half_precision, flatness) = (0.5 / variance, 2.0 * core::f64::consts::PI * variance / self.model.area);
         let (zero, one) = (unit.zero(), unit.splat(1.0));
-        let (lowest, highest) = (unit.splat(SHARES[0]), unit.splat(SHARES[1]));
         let (mut inliers, mut inlier_weights, mut squares, mut weights) = (zero, zero, zero, zero);
         for block in self.blocks {
             let (r2, weight) = (unit.load(block.r2), unit.load(block.weight));
-            let prior = (weight * self.noise.share).max(lowest).min(highest);
+            let prior = inlier_probability_lanes(unit, self.noise.share, weight);
             // p(inlier | r) by Bayes' rule; an infinite residual (behind the camera) has none
             let odds = (one - prior) * (bell_inverse_lanes(unit, r2 * half_precision) * flatness);
             let p = (prior / (prior + odds)).where_positive(weight, zero);
