@@ -3,7 +3,7 @@
 //! AVX has no masks for vectors of this width, AVX-512 does; the compiler uses them, and its 32 registers, where the
 //! loop is compiled for it.
 
-use core::arch::x86_64::{__m256d, _CMP_GT_OQ, _CMP_LE_OQ};
+use core::arch::x86_64::{__m256d, _CMP_GE_OQ, _CMP_GT_OQ, _CMP_LE_OQ};
 use core::ops::{Add, AddAssign, Div, Mul, Sub};
 
 use pulp::bytemuck::cast;
@@ -63,6 +63,12 @@ impl Vector for AvxVector {
         let avx = self.1;
         let is_positive = avx._mm256_cmp_pd::<_CMP_GT_OQ>(condition.0, avx._mm256_setzero_pd());
         Self(avx._mm256_blendv_pd(otherwise.0, self.0, is_positive), avx)
+    }
+
+    #[inline(always)]
+    fn bits_at_least_zero(self) -> u32 {
+        let (avx, zero) = (self.1, self.1._mm256_setzero_pd());
+        avx._mm256_movemask_pd(avx._mm256_cmp_pd::<_CMP_GE_OQ>(self.0, zero)) as u32
     }
 }
 

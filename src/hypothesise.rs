@@ -64,7 +64,11 @@ impl Hypothesise<'_> {
             farthest: self.farthest,
         };
         match solver {
-            Solver::P1p => search.one_point(&P1p::new(view, observation, bbox, self.options.cases), order, candidates),
+            Solver::P1p => {
+                let room = search.inlier_threshold / view.camera.fx;
+                let solver = P1p::new(view, observation, bbox, self.options.cases).with_tolerance(room);
+                search.one_point(&solver, order, candidates)
+            }
             Solver::P1pHeight => match view.height {
                 Some(height) => search.one_point(&P1pHeight::new(view, observation, bbox, height), order, candidates),
                 None => RansacStatistics::default(),

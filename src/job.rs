@@ -282,11 +282,11 @@ impl<'a> Job<'a> {
         objective.priors.noise_sigma = sigma;
         objective.priors.use_bbox = true;
         let cut = JUDGING_CUT * sigma;
-        let cost = truncated_cost(&mut objective, &state, cut);
+        let cost = truncated_cost(&mut objective, &state, cut, f64::INFINITY);
         if refinement == Refinement::Default {
             // Never a pose that explains the data worse than the hypothesis it came from.
             let initial = State { pose: candidate.pose, coefficients: [0.0; MAX_MODES] };
-            let initial_cost = truncated_cost(&mut objective, &initial, cut);
+            let initial_cost = truncated_cost(&mut objective, &initial, cut, cost);
             if initial_cost < cost {
                 return Some(Refined { state: initial, stages, cost: initial_cost, noise: None });
             }
@@ -295,11 +295,13 @@ impl<'a> Job<'a> {
     }
 }
 
-/// Truncated squared error of a state, priors included (pixels squared, halved); sets the blocks to its shape.
-fn truncated_cost(objective: &mut Objective, state: &State, threshold: f64) -> f64 {
+/// Truncated squared error of a state, priors included (pixels squared, halved), or infinity where the keypoints alone
+/// cost `bound`; sets the blocks to its shape.
+fn truncated_cost(objective: &mut Objective, state: &State, threshold: f64, bound: f64) -> f64 {
     objective.set_shape(&state.coefficients);
     let projection = Projection::new(&objective.view.camera, &state.pose);
     let tau2 = square(threshold);
-    let points = cost(objective.unit, objective.blocks, &projection, Scoring::Msac, tau2, f64::INFINITY);
-    0.5 * tau2 * points + objective.prior_cost(state)
+    let scale = 0.5 * tau2;
+    let points = cost(objective.unit, objective.blocks, &projection, Scoring::Msac, tau2, bound / scale);
+    if points.is_finite() { scale * points + objective.prior_cost(state) } else { f64::INFINITY }
 }

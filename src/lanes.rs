@@ -59,6 +59,9 @@ pub(crate) trait Vector:
     /// `self` where `condition` is positive, else `otherwise`.
     fn where_positive(self, condition: Self, otherwise: Self) -> Self;
 
+    /// One bit for every lane that is at least zero, the first lane's the lowest.
+    fn bits_at_least_zero(self) -> u32;
+
     /// Sum over lanes in a fixed order.
     #[inline(always)]
     fn sum(self) -> f64 {
@@ -123,6 +126,12 @@ impl Vector for Lanes {
     fn where_positive(self, condition: Self, otherwise: Self) -> Self {
         let choose = |l: usize| if condition.0[l] > 0.0 { self.0[l] } else { otherwise.0[l] };
         Self([choose(0), choose(1), choose(2), choose(3)])
+    }
+
+    #[inline(always)]
+    fn bits_at_least_zero(self) -> u32 {
+        let bit = |l: usize| u32::from(self.0[l] >= 0.0) << l;
+        bit(0) | bit(1) | bit(2) | bit(3)
     }
 }
 

@@ -51,68 +51,74 @@ pub struct P1p<'a> {
     view: &'a View,
     observation: &'a Observation<'a>,
     planes: [Vector3<f64>; 2],
-    footprint: Footprint,
+    /// x and z of the corners of the footprint, padded by repeating the last.
+    corners: [[f64; MAX_CORNERS]; 2],
+    count: usize,
     /// Height (y, object frame) of the corner that touches each plane first, and of the other one.
     touching_y: [f64; 2],
     cases: Cases,
+    /// See [`FEASIBILITY_TOLERANCE`].
+    tolerance: f64,
 }
-
-/// Most groups of [`LANES`] corners.
-const GROUPS: usize = MAX_CORNERS / LANES;
 
 /// One plane seen from one keypoint: corner `c` lies on it when `a l_C + p_c cos + q_c sin + g = 0`.
 struct PlaneEquation {
     a: f64,
     g: f64,
-    /// Of every corner, padded by repeating the last.
-    p: [Lanes; GROUPS],
-    q: [Lanes; GROUPS],
+    /// Of every corner, padded as they are.
+    p: [f64; MAX_CORNERS],
+    q: [f64; MAX_CORNERS],
+}
+
+/// Four of the numbers of the corners.
+#[inline(always)]
+fn group_of<U: Unit>(unit: U, numbers: &[f64; MAX_CORNERS], group: usize) -> U::Vector {
+    unit.load(Lanes(numbers.as_chunks().0[group]))
 }
 
 impl PlaneEquation {
     #[inline(always)]
-    fn new(
-        plane: &Vector3<f64>,
-        touching_y: f64,
-        footprint: &Footprint,
-        ray: &Vector3<f64>,
-        keypoint: [f64; 3],
-    ) -> Self {
-        let (mut p, mut q) = ([Lanes::splat(0.0); GROUPS], [Lanes::splat(0.0); GROUPS]);
-        let corners = footprint.corners();
-        for c in 0..corners.len().next_multiple_of(LANES) {
-            let [x, z] = corners[c.min(corners.len() - 1)];
-            let (dx, dz) = (x - keypoint[0], z - keypoint[2]);
+    fn new<U: Unit>(unit: U, solver: &P1p, side: usize, ray: &Vector3<f64>, keypoint: [f64; 3]) -> Self {
+        let plane = &solver.planes[side];
+        let height = solver.touching_y[side] - keypoint[1];
+        let (mut p, mut q) = ([0.0; MAX_CORNERS], [0.0; MAX_CORNERS]);
+        let (p_groups, q_groups) = (p.as_chunks_mut().0, q.as_chunks_mut().0);
+        for group in 0..solver.count.div_ceil(LANES) {
+            let dx = group_of(unit, &solver.corners[0], group) - unit.splat(keypoint[0]);
+            let dz = group_of(unit, &solver.corners[1], group) - unit.splat(keypoint[2]);
             // R(yaw) d = (c dx + s dz, dy, c dz - s dx)
-            p[c / LANES].0[c % LANES] = plane.x * dx + plane.z * dz;
-            q[c / LANES].0[c % LANES] = plane.x * dz - plane.z * dx;
+            p_groups[group] = (dx * plane.x + dz * plane.z).lanes().0;
+            q_groups[group] = (dz * plane.x - dx * plane.z).lanes().0;
         }
-        Self { a: plane.dot(ray), g: plane.y * (touching_y - keypoint[1]), p, q }
+        Self { a: plane.dot(ray), g: plane.y * height, p, q }
     }
 
-    /// `(p, q)` of a corner.
+    /// How far the corner that is furthest out is on the inner side, with a tolerance, for both roots.
     #[inline(always)]
-    fn corner(&self, c: usize) -> (f64, f64) {
-        (self.p[c / LANES].0[c % LANES], self.q[c / LANES].0[c % LANES])
-    }
-
-    /// By how much the corner that is furthest out is on the inner side, tolerance included.
-    #[inline(always)]
-    fn margin<U: Unit>(&self, unit: U, count: usize, yaw: Yaw<U::Vector>, distance: U::Vector) -> U::Vector {
-        let mut furthest = unit.splat(f64::INFINITY);
-        for c in 0..count {
-            let (p, q) = self.corner(c);
-            furthest = (yaw.cosine * p + yaw.sine * q).min(furthest);
+    fn margins<U: Unit>(
+        &self,
+        unit: U,
+        count: usize,
+        tolerance: f64,
+        roots: &[Yaw<U::Vector>; 2],
+    ) -> [U::Vector; 2] {
+        let mut furthest = [unit.splat(f64::INFINITY); 2];
+        for (&p, &q) in self.p[..count].iter().zip(&self.q[..count]) {
+            let (p, q) = (unit.splat(p), unit.splat(q));
+            furthest[0] = (roots[0].cosine * p + roots[0].sine * q).min(furthest[0]);
+            furthest[1] = (roots[1].cosine * p + roots[1].sine * q).min(furthest[1]);
         }
-        furthest + (distance * (FEASIBILITY_TOLERANCE + self.a) + unit.splat(self.g))
+        let (share, g) = (unit.splat(tolerance + self.a), unit.splat(self.g));
+        [furthest[0] + (roots[0].distance * share + g), furthest[1] + (roots[1].distance * share + g)]
     }
 }
 
-/// Yaws of four cases.
+/// One root of four cases.
 #[derive(Clone, Copy)]
 struct Yaw<V> {
     cosine: V,
     sine: V,
+    distance: V,
 }
 
 impl<'a> P1p<'a> {
@@ -121,12 +127,29 @@ impl<'a> P1p<'a> {
     pub fn new(view: &'a View, observation: &'a Observation<'a>, bbox: &Bbox, cases: Cases) -> Self {
         let planes = view.side_planes(bbox.left, bbox.right);
         let model = observation.model();
+        let rectangle;
         let footprint = match cases {
-            Cases::All => *model.footprint(),
-            Cases::Paper => Footprint::rectangle(model.bbox_3d()),
+            Cases::All => model.footprint(),
+            Cases::Paper => {
+                rectangle = Footprint::rectangle(model.bbox_3d());
+                &rectangle
+            }
         };
-        let unit = VectorUnit::detect();
-        Self { unit, view, observation, planes, footprint, touching_y: touching_heights(&planes, model), cases }
+        let (outline, count) = (footprint.corners(), footprint.corners().len());
+        let mut corners = [[0.0; MAX_CORNERS]; 2];
+        for c in 0..count.next_multiple_of(LANES) {
+            let [x, z] = outline[c.min(count - 1)];
+            (corners[0][c], corners[1][c]) = (x, z);
+        }
+        let (unit, tolerance) = (VectorUnit::detect(), FEASIBILITY_TOLERANCE);
+        let touching_y = touching_heights(&planes, model);
+        Self { unit, view, observation, planes, corners, count, touching_y, cases, tolerance }
+    }
+
+    /// The same with less room for noise: corners may lie outside by at most this share of the keypoint's distance.
+    pub(crate) fn with_tolerance(mut self, share: f64) -> Self {
+        self.tolerance = self.tolerance.min(share);
+        self
     }
 }
 
@@ -168,99 +191,127 @@ pub(super) fn pose_at(
 
 impl MinimalSolver<1> for P1p<'_> {
     fn solve(&self, [index]: [usize; 1], emit: &mut impl FnMut(Pose)) {
-        let ray = self.view.ground_ray(self.observation.keypoints_2d()[index]);
+        let ray = &self.view.ground_ray(self.observation.keypoints_2d()[index]);
         let keypoint = self.observation.model().mean()[index];
-        let equation =
-            |k: usize| PlaneEquation::new(&self.planes[k], self.touching_y[k], &self.footprint, &ray, keypoint);
-        let planes = &[equation(0), equation(1)];
-        let count = self.footprint.corners().len();
-        let mut solve_left = |left: usize, is_case: &dyn Fn(usize) -> bool| {
-            for group in 0..count.div_ceil(LANES) {
-                let solutions = self.unit.run(CasesOfLeft { planes, count, left, group });
-                for lane in 0..LANES {
-                    let right = group * LANES + lane;
-                    if right >= count || !is_case(right) {
-                        continue;
-                    }
-                    for solution in &solutions {
-                        if solution.margin.0[lane] >= 0.0 {
-                            let (cosine, sine) = (solution.cosine.0[lane], solution.sine.0[lane]);
-                            let distance = solution.distance.0[lane];
-                            emit(pose_at(self.view, &ray, keypoint, cosine, sine, distance));
-                        }
+        self.unit.run(Draw { solver: self, ray, keypoint, emit });
+    }
+}
+
+/// All cases of one keypoint.
+struct Draw<'a, F> {
+    solver: &'a P1p<'a>,
+    ray: &'a Vector3<f64>,
+    keypoint: [f64; 3],
+    emit: &'a mut F,
+}
+
+impl<F: FnMut(Pose)> HotLoop for Draw<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<U: Unit>(mut self, unit: U) {
+        let s = self.solver;
+        let planes = &[
+            PlaneEquation::new(unit, s, 0, self.ray, self.keypoint),
+            PlaneEquation::new(unit, s, 1, self.ray, self.keypoint),
+        ];
+        match s.cases {
+            Cases::Paper => {
+                for (left, right) in PAPER_CASES {
+                    self.solve_left(unit, planes, left, 0, 1 << right);
+                }
+            }
+            Cases::All => {
+                for left in 0..s.count {
+                    for group in 0..s.count.div_ceil(LANES) {
+                        let is_corner = (1 << (s.count - group * LANES).min(LANES)) - 1;
+                        let is_left = if left / LANES == group { 1 << (left % LANES) } else { 0 };
+                        self.solve_left(unit, planes, left, group, is_corner & !is_left);
                     }
                 }
             }
-        };
-        match self.cases {
-            Cases::Paper => PAPER_CASES.iter().for_each(|&(left, right)| solve_left(left, &|c| c == right)),
-            Cases::All => (0..count).for_each(|left| solve_left(left, &|c| c != left)),
         }
     }
 }
 
-/// One root of four cases: a left corner and four right ones.
-#[derive(Clone, Copy, Default)]
-struct Solutions {
-    cosine: Lanes,
-    sine: Lanes,
-    distance: Lanes,
-    /// Negative, or not a number, where the case has no solution or a corner is outside.
-    margin: Lanes,
+impl<F: FnMut(Pose)> Draw<'_, F> {
+    /// The cases of one left corner with a group of right ones, those with a bit in `is_case`.
+    #[inline(always)]
+    fn solve_left<U: Unit>(
+        &mut self,
+        unit: U,
+        planes: &[PlaneEquation; 2],
+        left: usize,
+        group: usize,
+        is_case: u32,
+    ) {
+        let roots = solve_cases(unit, planes, left, group);
+        let feasible = self.feasible(unit, planes, &roots);
+        if (feasible[0] | feasible[1]) & is_case == 0 {
+            return;
+        }
+        for lane in 0..LANES {
+            for (root, feasible) in roots.iter().zip(feasible) {
+                if (feasible & is_case) >> lane & 1 == 1 {
+                    let [cosine, sine, distance] =
+                        [root.cosine.lanes().0[lane], root.sine.lanes().0[lane], root.distance.lanes().0[lane]];
+                    (self.emit)(pose_at(self.solver.view, self.ray, self.keypoint, cosine, sine, distance));
+                }
+            }
+        }
+    }
+
+    /// For both roots one bit for every case whose keypoint is in front and whose corners are all inside.
+    #[inline(always)]
+    fn feasible<U: Unit>(&self, unit: U, planes: &[PlaneEquation; 2], roots: &[Yaw<U::Vector>; 2]) -> [u32; 2] {
+        let (count, tolerance, outside) = (self.solver.count, self.solver.tolerance, unit.splat(-1.0));
+        let left = planes[0].margins(unit, count, tolerance, roots);
+        let right = planes[1].margins(unit, count, tolerance, roots);
+        [
+            left[0].min(right[0]).where_positive(roots[0].distance, outside).bits_at_least_zero(),
+            left[1].min(right[1]).where_positive(roots[1].distance, outside).bits_at_least_zero(),
+        ]
+    }
 }
 
-/// Both roots of the cases of one left corner with a group of right ones.
-struct CasesOfLeft<'a> {
-    planes: &'a [PlaneEquation; 2],
-    count: usize,
+/// Both roots of the cases of one left corner with a group of right ones; not numbers where there is none.
+#[inline(always)]
+fn solve_cases<U: Unit>(
+    unit: U,
+    [on_left, on_right]: &[PlaneEquation; 2],
     left: usize,
     group: usize,
-}
-
-impl HotLoop for CasesOfLeft<'_> {
-    type Output = [Solutions; 2];
-
-    #[inline(always)]
-    fn run<U: Unit>(self, unit: U) -> [Solutions; 2] {
-        let [on_left, on_right] = self.planes;
-        let (p_left, q_left) = on_left.corner(self.left);
-        let (p_right, q_right) = (unit.load(on_right.p[self.group]), unit.load(on_right.q[self.group]));
-        // l_C eliminated: p cos + q sin + g = 0
-        let p = unit.splat(on_right.a * p_left) - p_right * on_left.a;
-        let q = unit.splat(on_right.a * q_left) - q_right * on_left.a;
-        let g = on_right.a * on_left.g - on_left.a * on_right.g;
-        let norm_squared = p * p + q * q;
-        let discriminant = norm_squared - unit.splat(g * g);
-        // Complex yaws, and those of planes that coincide, are not numbers: no margin is as large as zero.
-        let inverse = (unit.splat(1.0) / norm_squared).where_positive(discriminant, unit.splat(f64::NAN));
-        let root = discriminant.sqrt();
-        // Of the two equations the one whose plane is further from the ray gives the distance.
-        let is_left = on_left.a.abs() > on_right.a.abs();
-        let (plane, p_plane, q_plane) = if is_left {
-            (on_left, unit.splat(p_left), unit.splat(q_left))
-        } else {
-            (on_right, p_right, q_right)
-        };
-        let (zero, per_a) = (unit.zero(), -1.0 / plane.a);
-        let mut solutions = [Solutions::default(); 2];
-        for (solution, sign) in solutions.iter_mut().zip([1.0, -1.0]) {
-            let root = root * sign;
-            let cosine = (root * q - p * g) * inverse;
-            let sine = (zero - (root * p + q * g)) * inverse;
-            let yaw = Yaw { cosine, sine };
-            let distance = (p_plane * cosine + q_plane * sine + unit.splat(plane.g)) * per_a;
-            let margins = (
-                on_left.margin(unit, self.count, yaw, distance),
-                on_right.margin(unit, self.count, yaw, distance),
-            );
-            let margin = margins.0.min(margins.1).where_positive(distance, unit.splat(-1.0));
-            *solution = Solutions {
-                cosine: cosine.lanes(),
-                sine: sine.lanes(),
-                distance: distance.lanes(),
-                margin: margin.lanes(),
-            };
-        }
-        solutions
-    }
+) -> [Yaw<U::Vector>; 2] {
+    let (p_left, q_left) = (on_left.p[left], on_left.q[left]);
+    let (p_right, q_right) = (group_of(unit, &on_right.p, group), group_of(unit, &on_right.q, group));
+    // l_C eliminated: p cos + q sin + g = 0
+    let p = unit.splat(on_right.a * p_left) - p_right * on_left.a;
+    let q = unit.splat(on_right.a * q_left) - q_right * on_left.a;
+    let g = on_right.a * on_left.g - on_left.a * on_right.g;
+    let norm_squared = p * p + q * q;
+    let discriminant = norm_squared - unit.splat(g * g);
+    // Complex yaws, and those of planes that coincide.
+    let inverse = (unit.splat(1.0) / norm_squared).where_positive(discriminant, unit.splat(f64::NAN));
+    let root = discriminant.sqrt();
+    // Of the two equations the one whose plane is further from the ray gives the distance.
+    let (plane, p_plane, q_plane) = if on_left.a.abs() > on_right.a.abs() {
+        (on_left, unit.splat(p_left), unit.splat(q_left))
+    } else {
+        (on_right, p_right, q_right)
+    };
+    let (offset, per_a) = (unit.splat(plane.g), -1.0 / plane.a);
+    let (root_p, root_q, g_p, g_q) = (root * p, root * q, p * g, q * g);
+    let zero = unit.zero();
+    let yaws = [
+        ((root_q - g_p) * inverse, (zero - root_p - g_q) * inverse),
+        ((zero - root_q - g_p) * inverse, (root_p - g_q) * inverse),
+    ];
+    let distances = [
+        (p_plane * yaws[0].0 + q_plane * yaws[0].1 + offset) * per_a,
+        (p_plane * yaws[1].0 + q_plane * yaws[1].1 + offset) * per_a,
+    ];
+    [
+        Yaw { cosine: yaws[0].0, sine: yaws[0].1, distance: distances[0] },
+        Yaw { cosine: yaws[1].0, sine: yaws[1].1, distance: distances[1] },
+    ]
 }
