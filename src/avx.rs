@@ -9,7 +9,7 @@ use core::ops::{Add, AddAssign, Div, Mul, Sub};
 use pulp::bytemuck::cast;
 use pulp::core_arch::x86::Avx;
 
-use crate::lanes::{Lanes, Unit, Vector};
+use crate::lanes::{LANES, Lanes, Unit, Vector};
 
 /// A vector, and the proof that the machine can work with it.
 #[derive(Clone, Copy)]
@@ -63,6 +63,16 @@ impl Vector for AvxVector {
         let avx = self.1;
         let is_positive = avx._mm256_cmp_pd::<_CMP_GT_OQ>(condition.0, avx._mm256_setzero_pd());
         Self(avx._mm256_blendv_pd(otherwise.0, self.0, is_positive), avx)
+    }
+
+    #[inline(always)]
+    fn sums([x, y, z, w]: [Self; LANES]) -> [f64; LANES] {
+        let avx = x.1;
+        // x0 + x1, y0 + y1, x2 + x3, y2 + y3, and the same of z and w
+        let (xy, zw) = (avx._mm256_hadd_pd(x.0, y.0), avx._mm256_hadd_pd(z.0, w.0));
+        let low = avx._mm256_permute2f128_pd::<0x20>(xy, zw);
+        let high = avx._mm256_permute2f128_pd::<0x31>(xy, zw);
+        cast(avx._mm256_add_pd(low, high))
     }
 
     #[inline(always)]

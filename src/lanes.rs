@@ -68,6 +68,13 @@ pub(crate) trait Vector:
         let [a, b, c, d] = self.lanes().0;
         (a + b) + (c + d)
     }
+
+    /// The sums of four vectors.
+    #[inline(always)]
+    fn sums(vectors: [Self; LANES]) -> [f64; LANES] {
+        let [a, b, c, d] = vectors;
+        [a.sum(), b.sum(), c.sum(), d.sum()]
+    }
 }
 
 /// No vector unit that is known of: the compiler does what it can.

@@ -47,11 +47,8 @@ impl Objective<'_> {
             let sums = self.unit.run(Linearise(self.summands(state, sides.as_ref(), kernel)));
             normal.cost = sums.cost;
             normal.gradient.copy_from_slice(&sums.gradient);
-            let mut row = &sums.h[..];
-            for i in 0..6 {
-                let (this, rest) = row.split_at(6 - i);
-                normal.h[i][i..].copy_from_slice(this);
-                row = rest;
+            for (row, sums) in normal.h.iter_mut().zip(&sums.h) {
+                row.copy_from_slice(sums);
             }
         } else {
             self.add_points_joint(state, kernel, &mut normal);

@@ -12,8 +12,8 @@ use crate::simd::HotLoop;
 pub(crate) struct PoseSums {
     pub(crate) cost: f64,
     pub(crate) gradient: [f64; 6],
-    /// Upper triangle, row by row.
-    pub(crate) h: [f64; 21],
+    /// Upper triangle.
+    pub(crate) h: [[f64; 6]; 6],
 }
 
 /// What a cost is summed over.
@@ -156,71 +156,83 @@ impl HotLoop for Linearise<'_> {
 
     #[inline(always)]
     fn run<U: Unit>(self, unit: U) -> PoseSums {
-        let zero = unit.zero();
-        let (mut sum, mut gradient, mut h) = (zero, [zero; 6], [zero; 21]);
+        let mut sums = [unit.zero(); SUMS];
         self.0.with_kernel(
             unit,
             #[inline(always)]
             |q, cost, w| {
-                sum += cost;
-                add_rows(unit, &q, w, &mut gradient, &mut h);
+                sums[SUMS - 1] += cost;
+                add_points(&q, w, &mut sums);
             },
         );
-        let mut sums = PoseSums { cost: sum.sum(), gradient: [0.0; 6], h: [0.0; 21] };
-        for (total, lanes) in sums.gradient.iter_mut().zip(gradient) {
-            *total = lanes.sum();
+        let mut totals = [0.0; SUMS];
+        for (totals, sums) in totals.as_chunks_mut().0.iter_mut().zip(sums.as_chunks().0) {
+            *totals = U::Vector::sums(*sums);
         }
-        for (total, lanes) in sums.h.iter_mut().zip(h) {
-            *total = lanes.sum();
-        }
-        sums
+        in_order(&totals)
     }
 }
 
-/// Adds the two rows of the Jacobian of four points to gradient and normal equations.
+/// Gradient, normal equations without the zero between the translations along x and y, cost.
+const SUMS: usize = 28;
+
+/// Adds four points to gradient and normal equations, up to the signs of [`in_order`].
+///
+/// With `G` the gradients of a residual by the point in the camera frame, (a, 0, b) of a column and (0, d, e) of a
+/// row, `M = sum w G^T G` is the block of the translation, `[P]x M` couples the rotation with it, and
+/// `[P]x M [P]x^T` is the block of the rotation; `P` is the rotated model point.
 #[inline(always)]
-fn add_rows<U: Unit>(
-    unit: U,
-    q: &Projected<U::Vector>,
-    [wc, wr]: [U::Vector; 2],
-    gradient: &mut [U::Vector; 6],
-    h: &mut [U::Vector; 21],
-) {
-    let zero = unit.zero();
-    let ([px, py, pz], du, dv) = (q.p, q.du, q.dv);
-    // Gradients by the point in the camera frame: (a, 0, b) of u and (0, d, e) of v.
-    let (a, d) = (q.a, q.d);
-    let (b, e) = (zero - q.u * q.inverse, zero - q.v * q.inverse);
-    // Rows of the Jacobian: rotation (P x gradient), then translation without its zeros.
-    let ju = [py * b, pz * a - px * b, zero - py * a];
-    let jv = [py * e - pz * d, zero - px * e, px * d];
-    let (wu, wv) = ([wc * ju[0], wc * ju[1], wc * ju[2]], [wr * jv[0], wr * jv[1], wr * jv[2]]);
-    let (wa, wb, wd, we) = (wc * a, wc * b, wr * d, wr * e);
-    for k in 0..3 {
-        gradient[k] += wu[k] * du + wv[k] * dv;
+fn add_points<V: Vector>(q: &Projected<V>, [wc, wr]: [V; 2], sums: &mut [V; SUMS]) {
+    let [px, py, pz] = q.p;
+    // -b and -e
+    let (b, e) = (q.u * q.inverse, q.v * q.inverse);
+    let (wa, wb, wd, we) = (wc * q.a, wc * b, wr * q.d, wr * e);
+    let (m0, m1, m2) = (wa * q.du, wd * q.dv, wb * q.du + we * q.dv);
+    sums[0] += py * m2 + pz * m1;
+    sums[1] += pz * m0 + px * m2;
+    sums[2] += px * m1 - py * m0;
+    sums[3] += m0;
+    sums[4] += m1;
+    sums[5] += m2;
+    let (m00, m02, m11, m12, m22) = (wa * q.a, wa * b, wd * q.d, wd * e, wb * b + we * e);
+    sums[6] += m00;
+    sums[7] += m02;
+    sums[8] += m11;
+    sums[9] += m12;
+    sums[10] += m22;
+    let (n00, n01, n02) = (py * m02, py * m12 + pz * m11, py * m22 + pz * m12);
+    sums[11] += n00;
+    sums[12] += n01;
+    sums[13] += n02;
+    sums[14] += py * n02 + pz * n01;
+    sums[15] += pz * n00 + px * n02;
+    sums[16] += py * n00 - px * n01;
+    let (n10, n11, n12) = (pz * m00 + px * m02, px * m12, pz * m02 + px * m22);
+    sums[17] += n10;
+    sums[18] += n11;
+    sums[19] += n12;
+    sums[20] += pz * n10 + px * n12;
+    sums[21] += px * n11 - py * n10;
+    let (n20, n21) = (py * m00, px * m11);
+    sums[22] += n20;
+    sums[23] += n21;
+    sums[24] += n00 - n11;
+    sums[25] += px * n21 + py * n20;
+}
+
+/// The sums of [`add_points`] with their signs, where they belong.
+#[inline(always)]
+fn in_order(s: &[f64; SUMS]) -> PoseSums {
+    PoseSums {
+        cost: s[SUMS - 1],
+        gradient: [-s[0], s[1], s[2], s[3], s[4], -s[5]],
+        h: [
+            [s[14], -s[15], s[16], -s[11], -s[12], s[13]],
+            [0.0, s[20], s[21], s[17], s[18], -s[19]],
+            [0.0, 0.0, s[25], -s[22], s[23], s[24]],
+            [0.0, 0.0, 0.0, s[6], 0.0, -s[7]],
+            [0.0, 0.0, 0.0, 0.0, s[8], -s[9]],
+            [0.0, 0.0, 0.0, 0.0, 0.0, s[10]],
+        ],
     }
-    gradient[3] += wa * du;
-    gradient[4] += wd * dv;
-    gradient[5] += wb * du + we * dv;
-    h[0] += wu[0] * ju[0] + wv[0] * jv[0];
-    h[1] += wu[0] * ju[1] + wv[0] * jv[1];
-    h[2] += wu[0] * ju[2] + wv[0] * jv[2];
-    h[3] += wu[0] * a;
-    h[4] += wv[0] * d;
-    h[5] += wu[0] * b + wv[0] * e;
-    h[6] += wu[1] * ju[1] + wv[1] * jv[1];
-    h[7] += wu[1] * ju[2] + wv[1] * jv[2];
-    h[8] += wu[1] * a;
-    h[9] += wv[1] * d;
-    h[10] += wu[1] * b + wv[1] * e;
-    h[11] += wu[2] * ju[2] + wv[2] * jv[2];
-    h[12] += wu[2] * a;
-    h[13] += wv[2] * d;
-    h[14] += wu[2] * b + wv[2] * e;
-    h[15] += wa * a;
-    // h[16], between the translations along x and y, is zero
-    h[17] += wa * b;
-    h[18] += wd * d;
-    h[19] += wd * e;
-    h[20] += wb * b + we * e;
 }
