@@ -2,7 +2,7 @@
 //! accepted on the true robust cost, priors included.
 
 use crate::loss::Kernel;
-use crate::normal::{State, solve_damped};
+use crate::normal::{Normal, State, solve_damped};
 use crate::objective::Objective;
 
 /// Limits of the damping factor.
@@ -28,10 +28,12 @@ impl Objective<'_> {
             self.set_shape(&state.coefficients);
         }
         let mut kernel = kernel_at(self, state);
-        let mut normal = self.linearise::<D>(state, kernel);
+        let mut both = [const { Normal::<D>::ZERO }; 2];
+        let [mut normal, mut next] = both.each_mut();
+        self.linearise(state, kernel, normal);
         let (mut damping, mut rejections) = (1e-6, 0);
         for iteration in 0..max_iterations {
-            let Some(step) = solve_damped(&normal, damping) else {
+            let Some(step) = solve_damped(normal, damping) else {
                 damping = (damping * 100.0).min(DAMPING.1);
                 rejections += 1;
                 if rejections > MAX_REJECTIONS {
@@ -54,7 +56,7 @@ impl Objective<'_> {
                 self.set_shape(&state.coefficients);
                 return (normal.cost, iteration + 1);
             }
-            let mut next = self.linearise::<D>(&trial, kernel);
+            self.linearise(&trial, kernel, next);
             if next.cost < normal.cost {
                 let decrease = normal.cost - next.cost;
                 let converged = decrease <= tolerance * normal.cost;
@@ -65,9 +67,9 @@ impl Objective<'_> {
                 let kernel_settled = next_kernel == kernel;
                 if !kernel_settled {
                     kernel = next_kernel;
-                    next = self.linearise::<D>(state, kernel);
+                    self.linearise(state, kernel, next);
                 }
-                normal = next;
+                core::mem::swap(&mut normal, &mut next);
                 if converged {
                     return (normal.cost, iteration + 1);
                 }

@@ -5,7 +5,6 @@
 
 use nalgebra::Vector6;
 
-use crate::math::sqrt;
 use crate::object::MAX_MODES;
 use crate::pose::Pose;
 
@@ -59,6 +58,10 @@ pub(crate) fn add_row<const D: usize, const N: usize>(
     }
 }
 
+impl<const D: usize> Normal<D> {
+    pub(crate) const ZERO: Self = Self { h: [[0.0; D]; D], gradient: [0.0; D], cost: 0.0 };
+}
+
 /// `-(H + damping diag(H))^-1 gradient`; `None` when the matrix is not positive definite.
 pub(crate) fn solve_damped<const D: usize>(normal: &Normal<D>, damping: f64) -> Option<[f64; D]> {
     let mut h = normal.h;
@@ -66,51 +69,54 @@ pub(crate) fn solve_damped<const D: usize>(normal: &Normal<D>, damping: f64) -> 
         h[i][i] += damping * h[i][i];
     }
     cholesky(&mut h)?;
-    let mut x = normal.gradient.map(|g| -g);
+    let mut x = normal.gradient;
+    for g in &mut x {
+        *g = -*g;
+    }
     solve_cholesky(&h, &mut x);
     x.iter().all(|x| x.is_finite()).then_some(x)
 }
 
-/// Upper Cholesky factor `U`, `H = U^T U`, in place of the upper triangle, with inverse diagonal; `None` when the
-/// matrix is not positive definite.
+/// `H = U^T D U` in place of the upper triangle, `U` with a unit diagonal and `D` inverted on the diagonal: Cholesky
+/// without square roots; `None` when the matrix is not positive definite.
 #[inline(always)]
 pub(crate) fn cholesky<const D: usize>(h: &mut [[f64; D]; D]) -> Option<()> {
-    let scales: [f64; D] = core::array::from_fn(|j| h[j][j]);
+    let mut scales = [0.0; D];
+    for j in 0..D {
+        scales[j] = h[j][j];
+    }
     for j in 0..D {
         let pivot = h[j][j];
         // Relative to the diagonal: a direction the data says nothing about.
         if !(pivot > 1e-14 * scales[j]) {
             return None;
         }
-        let inverse = 1.0 / sqrt(pivot);
-        for i in j + 1..D {
-            h[j][i] *= inverse;
-        }
+        let inverse = 1.0 / pivot;
         h[j][j] = inverse;
         for i in j + 1..D {
-            let factor = h[j][i];
+            let factor = h[j][i] * inverse;
             for k in i..D {
                 h[i][k] -= factor * h[j][k];
             }
+            h[j][i] = factor;
         }
     }
     Some(())
 }
 
-/// Solves `U^T U x = b` in place with the factor of [`cholesky`].
+/// Solves `U^T D U x = b` in place with the factors of [`cholesky`].
 #[inline(always)]
 pub(crate) fn solve_cholesky<const D: usize>(u: &[[f64; D]; D], x: &mut [f64; D]) {
     for i in 0..D {
-        x[i] *= u[i][i];
         for k in i + 1..D {
             x[k] -= u[i][k] * x[i];
         }
     }
     for i in (0..D).rev() {
-        let mut s = x[i];
+        let mut s = x[i] * u[i][i];
         for k in i + 1..D {
             s -= u[i][k] * x[k];
         }
-        x[i] = s * u[i][i];
+        x[i] = s;
     }
 }

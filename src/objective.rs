@@ -39,25 +39,20 @@ impl Objective<'_> {
     }
 
     /// Normal equations and cost at a state. The blocks must hold the state's shape.
-    pub(crate) fn linearise<const D: usize>(&self, state: &State, kernel: Kernel) -> Normal<D> {
-        let mut normal = Normal { h: [[0.0; D]; D], gradient: [0.0; D], cost: 0.0 };
+    pub(crate) fn linearise<const D: usize>(&self, state: &State, kernel: Kernel, normal: &mut Normal<D>) {
         let terms = self.prior_terms();
         let sides = terms.sides(state);
         if D == 6 {
-            let sums = self.unit.run(Linearise(self.summands(state, sides.as_ref(), kernel)));
-            normal.cost = sums.cost;
-            normal.gradient.copy_from_slice(&sums.gradient);
-            for (row, sums) in normal.h.iter_mut().zip(&sums.h) {
-                row.copy_from_slice(sums);
-            }
+            let summands = self.summands(state, sides.as_ref(), kernel);
+            self.unit.run(Linearise { summands, normal });
         } else {
-            self.add_points_joint(state, kernel, &mut normal);
+            *normal = Normal::ZERO;
+            self.add_points_joint(state, kernel, normal);
             if let Some(sides) = &sides {
-                normal.cost += terms.add_sides(state, sides, &mut normal);
+                normal.cost += terms.add_sides(state, sides, normal);
             }
         }
-        terms.add_tilt_and_shape(state, &mut normal);
-        normal
+        terms.add_tilt_and_shape(state, normal);
     }
 
     /// The cost of [`Objective::linearise`] alone.

@@ -3,18 +3,11 @@
 use crate::camera::Camera;
 use crate::lanes::{Lanes, Unit, Vector};
 use crate::loss::{Kernel, tukey_lanes};
+use crate::normal::Normal;
 use crate::pose::Pose;
 use crate::residual::Block;
 use crate::sides::{SPEAKS_OF_COLUMN, SPEAKS_OF_ROW, Sides};
 use crate::simd::HotLoop;
-
-/// Cost, gradient and normal equations of the six unknowns of a pose.
-pub(crate) struct PoseSums {
-    pub(crate) cost: f64,
-    pub(crate) gradient: [f64; 6],
-    /// Upper triangle.
-    pub(crate) h: [[f64; 6]; 6],
-}
 
 /// What a cost is summed over.
 pub(crate) struct Summands<'a> {
@@ -148,16 +141,19 @@ impl HotLoop for Cost<'_> {
     }
 }
 
-/// Cost, gradient and normal equations.
-pub(crate) struct Linearise<'a>(pub(crate) Summands<'a>);
+/// Cost, gradient and normal equations of the six unknowns of a pose, into the leading ones.
+pub(crate) struct Linearise<'a, const D: usize> {
+    pub(crate) summands: Summands<'a>,
+    pub(crate) normal: &'a mut Normal<D>,
+}
 
-impl HotLoop for Linearise<'_> {
-    type Output = PoseSums;
+impl<const D: usize> HotLoop for Linearise<'_, D> {
+    type Output = ();
 
     #[inline(always)]
-    fn run<U: Unit>(self, unit: U) -> PoseSums {
+    fn run<U: Unit>(self, unit: U) {
         let mut sums = [unit.zero(); SUMS];
-        self.0.with_kernel(
+        self.summands.with_kernel(
             unit,
             #[inline(always)]
             |q, cost, w| {
@@ -169,14 +165,14 @@ impl HotLoop for Linearise<'_> {
         for (totals, sums) in totals.as_chunks_mut().0.iter_mut().zip(sums.as_chunks().0) {
             *totals = U::Vector::sums(*sums);
         }
-        in_order(&totals)
+        put_in_order(&totals, self.normal);
     }
 }
 
 /// Gradient, normal equations without the zero between the translations along x and y, cost.
 const SUMS: usize = 28;
 
-/// Adds four points to gradient and normal equations, up to the signs of [`in_order`].
+/// Adds four points to gradient and normal equations, up to the signs of [`put_in_order`].
 ///
 /// With `G` the gradients of a residual by the point in the camera frame, (a, 0, b) of a column and (0, d, e) of a
 /// row, `M = sum w G^T G` is the block of the translation, `[P]x M` couples the rotation with it, and
@@ -222,17 +218,14 @@ fn add_points<V: Vector>(q: &Projected<V>, [wc, wr]: [V; 2], sums: &mut [V; SUMS
 
 /// The sums of [`add_points`] with their signs, where they belong.
 #[inline(always)]
-fn in_order(s: &[f64; SUMS]) -> PoseSums {
-    PoseSums {
-        cost: s[SUMS - 1],
-        gradient: [-s[0], s[1], s[2], s[3], s[4], -s[5]],
-        h: [
-            [s[14], -s[15], s[16], -s[11], -s[12], s[13]],
-            [0.0, s[20], s[21], s[17], s[18], -s[19]],
-            [0.0, 0.0, s[25], -s[22], s[23], s[24]],
-            [0.0, 0.0, 0.0, s[6], 0.0, -s[7]],
-            [0.0, 0.0, 0.0, 0.0, s[8], -s[9]],
-            [0.0, 0.0, 0.0, 0.0, 0.0, s[10]],
-        ],
-    }
+fn put_in_order<const D: usize>(s: &[f64; SUMS], normal: &mut Normal<D>) {
+    normal.cost = s[SUMS - 1];
+    normal.gradient[..6].copy_from_slice(&[-s[0], s[1], s[2], s[3], s[4], -s[5]]);
+    let h = &mut normal.h;
+    h[0][..6].copy_from_slice(&[s[14], -s[15], s[16], -s[11], -s[12], s[13]]);
+    h[1][1..6].copy_from_slice(&[s[20], s[21], s[17], s[18], -s[19]]);
+    h[2][2..6].copy_from_slice(&[s[25], -s[22], s[23], s[24]]);
+    h[3][3..6].copy_from_slice(&[s[6], 0.0, -s[7]]);
+    h[4][4..6].copy_from_slice(&[s[8], -s[9]]);
+    h[5][5] = s[10];
 }

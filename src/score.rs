@@ -14,7 +14,7 @@ pub enum Scoring {
 }
 
 /// Blocks between two looks at whether the hypothesis has already lost.
-const BLOCKS_PER_CHECK: usize = 2;
+const BLOCKS_PER_CHECK: usize = 4;
 
 /// Weighted cost of a hypothesis with threshold `tau2` (squared pixels), or infinity once it reaches `bound`.
 #[inline]

@@ -113,6 +113,14 @@ impl PlaneEquation {
     }
 }
 
+/// One root of four cases in memory.
+#[derive(Clone, Copy, Default)]
+struct Root {
+    cosine: Lanes,
+    sine: Lanes,
+    distance: Lanes,
+}
+
 /// One root of four cases.
 #[derive(Clone, Copy)]
 struct Yaw<V> {
@@ -144,6 +152,14 @@ impl<'a> P1p<'a> {
         let (unit, tolerance) = (VectorUnit::detect(), FEASIBILITY_TOLERANCE);
         let touching_y = touching_heights(&planes, model);
         Self { unit, view, observation, planes, corners, count, touching_y, cases, tolerance }
+    }
+
+    /// Bits of the right corners of a group that make a case with a left corner.
+    #[inline(always)]
+    fn cases_of(&self, left: usize, group: usize) -> u32 {
+        let corners = (1 << (self.count - group * LANES).min(LANES)) - 1;
+        let itself = if left / LANES == group { 1 << (left % LANES) } else { 0 };
+        if left < self.count { corners & !itself } else { 0 }
     }
 
     /// The same with less room for noise: corners may lie outside by at most this share of the keypoint's distance.
@@ -216,17 +232,12 @@ impl<F: FnMut(Pose)> HotLoop for Draw<'_, F> {
             PlaneEquation::new(unit, s, 1, self.ray, self.keypoint),
         ];
         match s.cases {
-            Cases::Paper => {
-                for (left, right) in PAPER_CASES {
-                    self.solve_left(unit, planes, left, 0, 1 << right);
-                }
-            }
+            Cases::Paper => self.solve_lefts(unit, planes, PAPER_CASES.map(|(left, right)| (left, 1 << right)), 0),
             Cases::All => {
-                for left in 0..s.count {
+                for first in (0..s.count).step_by(LANES) {
                     for group in 0..s.count.div_ceil(LANES) {
-                        let is_corner = (1 << (s.count - group * LANES).min(LANES)) - 1;
-                        let is_left = if left / LANES == group { 1 << (left % LANES) } else { 0 };
-                        self.solve_left(unit, planes, left, group, is_corner & !is_left);
+                        let lefts = [first, first + 1, first + 2, first + 3];
+                        self.solve_lefts(unit, planes, lefts.map(|left| (left, s.cases_of(left, group))), group);
                     }
                 }
             }
@@ -234,30 +245,39 @@ impl<F: FnMut(Pose)> HotLoop for Draw<'_, F> {
     }
 }
 
+/// Bit `l` of a number of four bits at bit `2 l`.
+const SPREAD: [u32; 16] = [0, 1, 4, 5, 16, 17, 20, 21, 64, 65, 68, 69, 80, 81, 84, 85];
+
 impl<F: FnMut(Pose)> Draw<'_, F> {
-    /// The cases of one left corner with a group of right ones, those with a bit in `is_case`.
+    /// The cases of four left corners with a group of right ones, those with a bit.
     #[inline(always)]
-    fn solve_left<U: Unit>(
+    fn solve_lefts<U: Unit>(
         &mut self,
         unit: U,
         planes: &[PlaneEquation; 2],
-        left: usize,
+        lefts: [(usize, u32); LANES],
         group: usize,
-        is_case: u32,
     ) {
-        let roots = solve_cases(unit, planes, left, group);
-        let feasible = self.feasible(unit, planes, &roots);
-        if (feasible[0] | feasible[1]) & is_case == 0 {
-            return;
-        }
-        for lane in 0..LANES {
-            for (root, feasible) in roots.iter().zip(feasible) {
-                if (feasible & is_case) >> lane & 1 == 1 {
-                    let [cosine, sine, distance] =
-                        [root.cosine.lanes().0[lane], root.sine.lanes().0[lane], root.distance.lanes().0[lane]];
-                    (self.emit)(pose_at(self.solver.view, self.ray, self.keypoint, cosine, sine, distance));
-                }
+        let mut solved = [[Root::default(); 2]; LANES];
+        // One bit a solution: left corner, then right corner, then root. One loop over them is easier to predict than
+        // a branch for each.
+        let mut bits = 0;
+        for (k, (left, is_case)) in lefts.into_iter().enumerate() {
+            let roots = solve_cases(unit, planes, left, group);
+            let feasible = self.feasible(unit, planes, &roots);
+            for (solved, root) in solved[k].iter_mut().zip(&roots) {
+                *solved =
+                    Root { cosine: root.cosine.lanes(), sine: root.sine.lanes(), distance: root.distance.lanes() };
             }
+            let spread = |root: usize| SPREAD[(feasible[root] & is_case) as usize & 15] << root;
+            bits |= (spread(0) | spread(1)) << (2 * LANES * k);
+        }
+        while bits != 0 {
+            let bit = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let (root, lane) = (&solved[bit / (2 * LANES)][bit % 2], bit / 2 % LANES);
+            let (cosine, sine, distance) = (root.cosine.0[lane], root.sine.0[lane], root.distance.0[lane]);
+            (self.emit)(pose_at(self.solver.view, self.ray, self.keypoint, cosine, sine, distance));
         }
     }
 

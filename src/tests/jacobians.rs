@@ -2,7 +2,7 @@
 
 use nalgebra::{Rotation3, Vector3, Vector6};
 
-use super::fixture::{Fixture, NO_PRIORS, Random};
+use super::fixture::{Fixture, NO_PRIORS, Random, linearised};
 use crate::camera::{Camera, Tilt, View};
 use crate::loss::Kernel;
 use crate::normal::State;
@@ -141,7 +141,7 @@ fn of_one_point() {
 fn check_gradient<const D: usize>(objective: &mut Objective, state: &State, kernel: Kernel) {
     let mut normal = |state: &State| {
         objective.set_shape(&state.coefficients);
-        objective.linearise::<D>(state, kernel)
+        linearised::<D>(&objective, state, kernel)
     };
     let analytic = normal(state);
     for k in 0..D {
@@ -191,7 +191,7 @@ fn of_every_prior() {
                     block.active = Default::default();
                 }
                 check_gradient::<JOINT>(&mut o, &p.state, Kernel::LeastSquares);
-                let cost = o.linearise::<JOINT>(&p.state, Kernel::LeastSquares).cost;
+                let cost = linearised::<JOINT>(&o, &p.state, Kernel::LeastSquares).cost;
                 assert!(cost > 0.0 && (o.prior_cost(&p.state) - cost).abs() < 1e-12 * cost);
             });
             p.with_objective(MODES, priors, |mut o| check_gradient::<JOINT>(&mut o, &p.state, KERNELS[1]));
@@ -224,7 +224,7 @@ fn normal_matrix_is_the_hessian_where_residuals_vanish() {
 fn check_hessian<const D: usize>(objective: &mut Objective, state: &State) {
     let mut normal = |state: &State| {
         objective.set_shape(&state.coefficients);
-        objective.linearise::<D>(state, Kernel::LeastSquares)
+        linearised::<D>(&objective, state, Kernel::LeastSquares)
     };
     let h = normal(state).h;
     for k in 0..6 + MODES.min(D - 6) {
@@ -245,7 +245,7 @@ fn pose_by_lanes_is_the_pose_block_of_the_joint_problem() {
         for kernel in KERNELS {
             p.with_objective(MODES, p.priors()[3], |mut o| {
                 o.set_shape(&p.state.coefficients);
-                let (pose, joint) = (o.linearise::<6>(&p.state, kernel), o.linearise::<JOINT>(&p.state, kernel));
+                let (pose, joint) = (linearised::<6>(&o, &p.state, kernel), linearised::<JOINT>(&o, &p.state, kernel));
                 for i in 0..6 {
                     let scale = 1e-6 * (1.0 + pose.gradient[i].abs() + pose.h[i][i]);
                     assert_close(pose.gradient[i], joint.gradient[i], scale, "gradient");
@@ -271,10 +271,10 @@ fn of_a_point_behind_the_camera() {
     let c2 = 900.0;
     p.with_objective(0, NO_PRIORS, |mut o| {
         check_gradient::<6>(&mut o, &p.state, Kernel::Tukey { c2 });
-        let normal = o.linearise::<6>(&p.state, Kernel::Tukey { c2 });
+        let normal = linearised::<6>(&o, &p.state, Kernel::Tukey { c2 });
         assert!(normal.gradient.iter().chain(normal.h.iter().flatten()).all(|x| x.is_finite()));
-        let joint = o.linearise::<JOINT>(&p.state, Kernel::Tukey { c2 });
+        let joint = linearised::<JOINT>(&o, &p.state, Kernel::Tukey { c2 });
         assert!((normal.cost - joint.cost).abs() < 1e-9 * joint.cost);
-        assert_eq!(o.linearise::<6>(&p.state, Kernel::LeastSquares).cost, f64::INFINITY);
+        assert_eq!(linearised::<6>(&o, &p.state, Kernel::LeastSquares).cost, f64::INFINITY);
     });
 }
