@@ -95,6 +95,7 @@ pub mod estimate;
 pub mod frame;
 mod hypothesise;
 mod job;
+mod joint_sums;
 mod lanes;
 mod lm;
 pub mod loss;

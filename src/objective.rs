@@ -1,16 +1,17 @@
 //! The cost of one object: keypoints under a robust kernel, and priors; with its normal equations.
 
 use crate::camera::View;
+use crate::joint_sums::LineariseJoint;
 use crate::lanes::LANES;
 use crate::loss::Kernel;
 use crate::math::square;
 use crate::noise::{Noise, NoiseModel};
-use crate::normal::{Normal, State, add_row};
+use crate::normal::{Normal, State};
 use crate::object::{MAX_MODES, ShapeModel};
 use crate::pose::Pose;
 use crate::pose_sums::{Cost, Linearise, Summands};
 use crate::priors::{PriorTerms, Priors};
-use crate::residual::{Block, Measure, Projection, point_jacobian};
+use crate::residual::{Block, Measure, Projection};
 use crate::sides::Sides;
 use crate::simd::VectorUnit;
 
@@ -46,8 +47,8 @@ impl Objective<'_> {
             let summands = self.summands(state, sides.as_ref(), kernel);
             self.unit.run(Linearise { summands, normal });
         } else {
-            *normal = Normal::ZERO;
-            self.add_points_joint(state, kernel, normal);
+            let summands = self.summands(state, None, kernel);
+            self.unit.run(LineariseJoint { summands, model: self.model, visible: self.visible, normal });
             if let Some(sides) = &sides {
                 normal.cost += terms.add_sides(state, sides, normal);
             }
@@ -73,42 +74,6 @@ impl Objective<'_> {
     /// Cost of the priors alone (pixels squared, halved).
     pub(crate) fn prior_cost(&self, state: &State) -> f64 {
         self.prior_terms().cost(state)
-    }
-
-    /// Pose and shape together, point by point.
-    fn add_points_joint<const D: usize>(&self, state: &State, kernel: Kernel, normal: &mut Normal<D>) {
-        let camera = &self.view.camera;
-        let modes = self.model.eigenvalues().len();
-        for (k, &index) in self.visible.iter().enumerate() {
-            let (block, lane) = (&self.blocks[k / LANES], k % LANES);
-            let active = block.active.0[lane];
-            if active == 0.0 {
-                continue;
-            }
-            let model_point = [block.x.0[lane], block.y.0[lane], block.z.0[lane]];
-            let pixel = [block.u.0[lane], block.v.0[lane]];
-            let Some(jacobian) = point_jacobian(camera, &state.pose, model_point, pixel) else {
-                normal.cost += active * kernel.evaluate(f64::INFINITY).0;
-                continue;
-            };
-            let r2 = square(jacobian.residual[0]) + square(jacobian.residual[1]);
-            let (rho, weight) = kernel.evaluate(r2);
-            let weight = active * weight;
-            normal.cost += active * rho;
-            if weight == 0.0 {
-                continue;
-            }
-            for row in 0..2 {
-                let mut j = [0.0; D];
-                j[..6].copy_from_slice(&jacobian.pose[row]);
-                let [gx, gy, gz] = jacobian.point[row];
-                for m in 0..modes {
-                    let [bx, by, bz] = self.model.basis(m, index as usize);
-                    j[6 + m] = gx * bx + gy * by + gz * bz;
-                }
-                add_row(normal, &j, jacobian.residual[row], weight);
-            }
-        }
     }
 
     /// Squared residuals into the blocks.

@@ -19,19 +19,19 @@ pub(crate) struct Summands<'a> {
 }
 
 /// Four points seen from a pose.
-struct Projected<V> {
+pub(crate) struct Projected<V> {
     /// Rotated model points.
-    p: [V; 3],
+    pub(crate) p: [V; 3],
     depth: V,
     /// One over the depth, and the same times the focal lengths; zero behind the camera.
-    inverse: V,
-    a: V,
-    d: V,
+    pub(crate) inverse: V,
+    pub(crate) a: V,
+    pub(crate) d: V,
     /// Pixels, relative to the principal point, and residuals.
-    u: V,
-    v: V,
-    du: V,
-    dv: V,
+    pub(crate) u: V,
+    pub(crate) v: V,
+    pub(crate) du: V,
+    pub(crate) dv: V,
 }
 
 impl Summands<'_> {
@@ -84,7 +84,7 @@ impl Summands<'_> {
 
     /// [`Summands::each`] with the kernel at hand.
     #[inline(always)]
-    fn with_kernel<U: Unit>(
+    pub(crate) fn with_kernel<U: Unit>(
         &self,
         unit: U,
         add: impl FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2]),

@@ -151,7 +151,7 @@ impl PriorTerms<'_> {
             if sides.block.weight.0[side] == 0.0 || weight == 0.0 {
                 continue;
             }
-            let Some(jacobian) = point_jacobian(&self.view.camera, &state.pose, corner, [0.0; 2]) else {
+            let Some(jacobian) = point_jacobian(&self.view.camera, &state.pose, corner) else {
                 continue;
             };
             let (pose, point) = (&jacobian.pose[axis], &jacobian.point[axis]);

@@ -85,17 +85,15 @@ impl HotLoop for Measure<'_> {
 
 /// Jacobian of one point's residual: rows `u` and `v`, by a rotation vector on the left and a translation.
 pub(crate) struct PointJacobian {
-    /// Residual (projected minus observed), pixels.
-    pub(crate) residual: [f64; 2],
     /// `d residual / d (rotation, translation)`.
     pub(crate) pose: [[f64; 6]; 2],
     /// `d residual / d X_object`.
     pub(crate) point: [[f64; 3]; 2],
 }
 
-/// Residual and Jacobian of one model point; `None` behind the camera.
+/// Jacobian of one model point's residual; `None` behind the camera.
 #[inline]
-pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3], pixel: [f64; 2]) -> Option<PointJacobian> {
+pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3]) -> Option<PointJacobian> {
     let rotated: Vector3<f64> = pose.r * Vector3::from(model);
     let p = rotated + pose.t;
     if p.z <= 0.0 {
@@ -112,7 +110,6 @@ pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3], pixe
     };
     let to_object = |g: &Vector3<f64>, r: &Matrix3<f64>| -> [f64; 3] { r.tr_mul(g).into() };
     Some(PointJacobian {
-        residual: [u - pixel[0], v - pixel[1]],
         pose: [row(&gradients[0]), row(&gradients[1])],
         point: [to_object(&gradients[0], &pose.r), to_object(&gradients[1], &pose.r)],
     })

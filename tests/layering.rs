@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the bottom of the house to its roof. Below `minimal` its parts, in their own order.
-const ORDER: [&str; 40] = [
+const ORDER: [&str; 41] = [
     "error",
     "math",
     "lanes",
@@ -26,6 +26,7 @@ const ORDER: [&str; 40] = [
     "sides",
     "normal",
     "pose_sums",
+    "joint_sums",
     "score",
     "sampler",
     "ransac",

@@ -95,13 +95,7 @@ impl PlaneEquation {
 
     /// How far the corner that is furthest out is on the inner side, with a tolerance, for both roots.
     #[inline(always)]
-    fn margins<U: Unit>(
-        &self,
-        unit: U,
-        count: usize,
-        tolerance: f64,
-        roots: &[Yaw<U::Vector>; 2],
-    ) -> [U::Vector; 2] {
+    fn margins<U: Unit>(&self, unit: U, count: usize, tolerance: f64, roots: &[Yaw<U::Vector>; 2]) -> [U::Vector; 2] {
         let mut furthest = [unit.splat(f64::INFINITY); 2];
         for (&p, &q) in self.p[..count].iter().zip(&self.q[..count]) {
             let (p, q) = (unit.splat(p), unit.splat(q));

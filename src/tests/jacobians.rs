@@ -113,14 +113,13 @@ fn of_one_point() {
     for trial in 0..200 {
         let p = Problem::random(trial);
         let (camera, pose) = (&p.view.camera, &p.state.pose);
-        let (x, pixel) = (p.mean[0], [10.0, -20.0]);
-        let analytic = point_jacobian(camera, pose, x, pixel).unwrap();
+        let x = p.mean[0];
+        let analytic = point_jacobian(camera, pose, x).unwrap();
         let residual = |pose: &Pose, x: [f64; 3]| {
             let [u, v] = camera.project(&pose.transform(x)).unwrap();
-            [u - camera.cx - pixel[0], v - camera.cy - pixel[1]]
+            [u - camera.cx, v - camera.cy]
         };
         for row in 0..2 {
-            assert_close(analytic.residual[row], residual(pose, x)[row], 1e-3, "residual");
             for k in 0..6 {
                 let at = |step| residual(&moved::<6>(&p.state, k, step).pose, x)[row];
                 assert_close(analytic.pose[row][k], (at(STEP) - at(-STEP)) / (2.0 * STEP), 100.0, "pose");

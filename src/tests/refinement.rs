@@ -95,7 +95,8 @@ impl Case {
     fn check(&self, name: &str, stages: &Schedule, inliers_only: bool, tolerance: f64) {
         let expected = &self.value["results"][name];
         self.with_objective(inliers_only, |objective, scratch| {
-            let (state, statistics) = refine(objective, scratch, &self.start().pose, stages, |_, _| true).expect("every stage");
+            let (state, statistics) =
+                refine(objective, scratch, &self.start().pose, stages, |_, _| true).expect("every stage");
             let truth = pose(expected);
             let (e_r, e_t) = ((state.pose.r - truth.r).norm(), (state.pose.t - truth.t).norm() / truth.t.norm());
             assert!(e_r < tolerance && e_t < tolerance, "{name}: e_r {e_r:e}, e_t {e_t:e}");
