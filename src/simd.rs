@@ -27,6 +27,14 @@ impl VectorUnit {
         }
     }
 
+    /// Every unit of this machine, and none.
+    #[cfg(all(test, feature = "std", target_arch = "x86_64"))]
+    pub(crate) fn all() -> Vec<Self> {
+        use pulp::x86::{Arch, V3, V4};
+        let found = [V3::try_new().map(Arch::V3), V4::try_new().map(Arch::V4), Some(Arch::Scalar)];
+        found.into_iter().flatten().map(|arch| Self { arch }).collect()
+    }
+
     /// Runs a loop on this unit.
     #[cfg(all(feature = "std", target_arch = "x86_64"))]
     #[inline(always)]

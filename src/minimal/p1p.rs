@@ -156,6 +156,13 @@ impl<'a> P1p<'a> {
         if left < self.count { corners & !itself } else { 0 }
     }
 
+    /// The same on another vector unit.
+    #[cfg(test)]
+    pub(crate) fn on(mut self, unit: VectorUnit) -> Self {
+        self.unit = unit;
+        self
+    }
+
     /// The same with less room for noise: corners may lie outside by at most this share of the keypoint's distance.
     pub(crate) fn with_tolerance(mut self, share: f64) -> Self {
         self.tolerance = self.tolerance.min(share);
