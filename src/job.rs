@@ -263,7 +263,7 @@ impl<'a> Job<'a> {
         let (mut objective, scratch) = self.objective(0.5 * threshold);
         let mut is_same = false;
         let slack = square(objective.noise.guess);
-        let refined = refine(&mut objective, scratch, &candidate.pose, &schedule, |pose, cost| {
+        let (state, stages) = refine(&mut objective, scratch, &candidate.pose, &schedule, |pose, cost| {
             *start = Some(Start { pose: *pose, cost });
             let earlier = earlier.iter().flatten();
             is_same = earlier.clone().any(|e| e.pose.forward_cosine(pose) > SAME_WAY);
@@ -273,7 +273,6 @@ impl<'a> Job<'a> {
         if is_same {
             return None;
         }
-        let (state, stages) = refined.unwrap_or_else(|state| (state, Default::default()));
         let noise = match noise_sigma {
             Some(_) => None,
             None => Some(objective.estimate_noise(&state.pose)),

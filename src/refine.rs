@@ -101,15 +101,15 @@ pub(crate) fn schedule(refinement: Refinement, threshold: f64, hre_thresholds: [
     }
 }
 
-/// Runs a schedule from a pose; the blocks hold the shape of the returned state afterwards. After a stage that is not
-/// the last, `is_worth_it` looks at the pose and its cost: `Err` with the state where it says no.
+/// Runs a schedule from a pose; the blocks hold the shape of the returned state afterwards. It ends after
+/// the first stage that leaves a pose and cost of which `is_worth_it` says no.
 pub(crate) fn refine(
     objective: &mut Objective,
     scratch: &mut [f64],
     start: &Pose,
     schedule: &Schedule,
     mut is_worth_it: impl FnMut(&Pose, f64) -> bool,
-) -> Result<(State, [StageStatistics; MAX_STAGES]), State> {
+) -> (State, [StageStatistics; MAX_STAGES]) {
     let mut state = State { pose: *start, coefficients: [0.0; MAX_MODES] };
     let mut statistics = [StageStatistics::default(); MAX_STAGES];
     objective.set_shape(&state.coefficients);
@@ -118,10 +118,10 @@ pub(crate) fn refine(
         let (cost, iterations) = run_stage(objective, scratch, &mut state, stage);
         *statistics = StageStatistics { iterations, cost };
         if k + 1 < stages && !is_worth_it(&state.pose, cost) {
-            return Err(state);
+            break;
         }
     }
-    Ok((state, statistics))
+    (state, statistics)
 }
 
 fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, stage: &Stage) -> (f64, usize) {

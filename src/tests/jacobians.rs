@@ -140,7 +140,7 @@ fn of_one_point() {
 fn check_gradient<const D: usize>(objective: &mut Objective, state: &State, kernel: Kernel) {
     let mut normal = |state: &State| {
         objective.set_shape(&state.coefficients);
-        linearised::<D>(&objective, state, kernel)
+        linearised::<D>(objective, state, kernel)
     };
     let analytic = normal(state);
     for k in 0..D {
@@ -223,7 +223,7 @@ fn normal_matrix_is_the_hessian_where_residuals_vanish() {
 fn check_hessian<const D: usize>(objective: &mut Objective, state: &State) {
     let mut normal = |state: &State| {
         objective.set_shape(&state.coefficients);
-        linearised::<D>(&objective, state, Kernel::LeastSquares)
+        linearised::<D>(objective, state, Kernel::LeastSquares)
     };
     let h = normal(state).h;
     for k in 0..6 + MODES.min(D - 6) {
