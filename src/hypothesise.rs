@@ -13,10 +13,6 @@ use crate::ransac::{Candidates, RansacStatistics, Search};
 use crate::sampler::Stream;
 use crate::simd::VectorUnit;
 
-/// How far the corners of the 3D box may be outside the sides of its 2D box, in inlier thresholds. On KITTI's cars, whose
-/// boxes hold what is visible, one threshold loses right answers, three lose none.
-const ROOM: f64 = 4.0;
-
 /// What hypotheses are made from.
 pub(crate) struct Hypothesise<'a> {
     pub(crate) unit: VectorUnit,
@@ -27,6 +23,8 @@ pub(crate) struct Hypothesise<'a> {
     pub(crate) min_draws: usize,
     /// Largest depth of a hypothesis, metres.
     pub(crate) farthest: f64,
+    /// How far the corners of the 3D box may be outside the sides of its 2D box, in inlier thresholds.
+    pub(crate) room: f64,
 }
 
 /// The box as given; unknown sides are NaN.
@@ -69,8 +67,8 @@ impl Hypothesise<'_> {
         };
         match solver {
             Solver::P1p => {
-                let room = ROOM * search.inlier_threshold / view.camera.fx;
-                let solver = P1p::new(view, observation, bbox, self.options.cases).with_tolerance(room);
+                let share = self.room * search.inlier_threshold / view.camera.fx;
+                let solver = P1p::new(view, observation, bbox, self.options.cases).with_tolerance(share);
                 search.one_point(&solver, order, candidates)
             }
             Solver::P1pHeight => match view.height {
