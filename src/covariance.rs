@@ -4,7 +4,7 @@ use nalgebra::SMatrix;
 
 use crate::loss::Kernel;
 use crate::math::square;
-use crate::normal::{State, cholesky, padded_modes, solve_cholesky};
+use crate::normal::{Normal, State, cholesky, padded_modes, solve_cholesky};
 use crate::object::MAX_MODES;
 use crate::objective::Objective;
 
@@ -45,14 +45,15 @@ pub(crate) fn covariance(
 }
 
 fn inverse<const D: usize>(objective: &Objective, state: &State) -> Option<(PoseCovariance, ShapeCovariance)> {
-    let mut h = objective.linearise::<D>(state, Kernel::LeastSquares).h;
-    cholesky(&mut h)?;
+    let mut normal = Normal::<D>::ZERO;
+    objective.linearise(state, Kernel::LeastSquares, &mut normal);
+    cholesky(&mut normal.h)?;
     let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
     let modes = objective.model.eigenvalues().len();
     for column in 0..6 + modes {
         let mut x = [0.0; D];
         x[column] = square(objective.priors.noise_sigma);
-        solve_cholesky(&h, &mut x);
+        solve_cholesky(&normal.h, &mut x);
         if x.iter().any(|x| !x.is_finite()) {
             return None;
         }

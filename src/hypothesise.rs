@@ -23,6 +23,8 @@ pub(crate) struct Hypothesise<'a> {
     pub(crate) min_draws: usize,
     /// Largest depth of a hypothesis, metres.
     pub(crate) farthest: f64,
+    /// How far the corners of the 3D box may be outside the sides of its 2D box, in inlier thresholds.
+    pub(crate) room: f64,
 }
 
 /// The box as given; unknown sides are NaN.
@@ -64,7 +66,11 @@ impl Hypothesise<'_> {
             farthest: self.farthest,
         };
         match solver {
-            Solver::P1p => search.one_point(&P1p::new(view, observation, bbox, self.options.cases), order, candidates),
+            Solver::P1p => {
+                let share = self.room * search.inlier_threshold / view.camera.fx;
+                let solver = P1p::new(view, observation, bbox, self.options.cases).with_tolerance(share);
+                search.one_point(&solver, order, candidates)
+            }
             Solver::P1pHeight => match view.height {
                 Some(height) => search.one_point(&P1pHeight::new(view, observation, bbox, height), order, candidates),
                 None => RansacStatistics::default(),

@@ -83,6 +83,8 @@
 //! Without default features the crate needs neither std nor an allocator.
 #![cfg_attr(not(feature = "std"), no_std)]
 
+#[cfg(all(feature = "std", target_arch = "x86_64"))]
+mod avx;
 #[cfg(feature = "rayon")]
 pub mod batch;
 pub mod camera;
@@ -93,6 +95,7 @@ pub mod estimate;
 pub mod frame;
 mod hypothesise;
 mod job;
+mod joint_sums;
 mod lanes;
 mod lm;
 pub mod loss;
@@ -104,8 +107,10 @@ pub mod object;
 mod objective;
 pub mod observation;
 pub mod options;
+mod outermost;
 mod points;
 pub mod pose;
+mod pose_sums;
 mod priors;
 #[cfg(feature = "python")]
 mod python;
@@ -114,6 +119,7 @@ pub mod refine;
 mod residual;
 mod sampler;
 pub mod score;
+mod sides;
 mod simd;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;

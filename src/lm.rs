@@ -2,13 +2,16 @@
 //! accepted on the true robust cost, priors included.
 
 use crate::loss::Kernel;
-use crate::normal::{State, solve_damped};
+use crate::normal::{Normal, State, solve_damped};
 use crate::objective::Objective;
 
 /// Limits of the damping factor.
 const DAMPING: (f64, f64) = (1e-10, 1e8);
 /// Rejected steps in a row before giving up.
 const MAX_REJECTIONS: usize = 6;
+/// A step that the linear model expects to lower the cost by less than this share of the tolerance is the last one:
+/// robust kernels give more than the model expects, but not so much more.
+const LAST_STEP: f64 = 0.5;
 
 impl Objective<'_> {
     /// Robust cost and normal equations are minimised from `state` with a fixed kernel for at most
@@ -19,16 +22,18 @@ impl Objective<'_> {
         state: &mut State,
         max_iterations: usize,
         tolerance: f64,
-        mut kernel_at: impl FnMut(&Self, &State) -> Kernel,
+        mut kernel_at: impl FnMut(&mut Self, &State) -> Kernel,
     ) -> (f64, usize) {
         if D > 6 {
             self.set_shape(&state.coefficients);
         }
         let mut kernel = kernel_at(self, state);
-        let mut normal = self.linearise::<D>(state, kernel);
+        let mut both = [const { Normal::<D>::ZERO }; 2];
+        let [mut normal, mut next] = both.each_mut();
+        self.linearise(state, kernel, normal);
         let (mut damping, mut rejections) = (1e-6, 0);
         for iteration in 0..max_iterations {
-            let Some(step) = solve_damped(&normal, damping) else {
+            let Some(step) = solve_damped(normal, damping) else {
                 damping = (damping * 100.0).min(DAMPING.1);
                 rejections += 1;
                 if rejections > MAX_REJECTIONS {
@@ -40,7 +45,18 @@ impl Objective<'_> {
             if D > 6 {
                 self.set_shape(&trial.coefficients);
             }
-            let mut next = self.linearise::<D>(&trial, kernel);
+            let predicted = -0.5 * (0..D).map(|i| step[i] * normal.gradient[i]).sum::<f64>();
+            if predicted <= LAST_STEP * tolerance * normal.cost || iteration + 1 == max_iterations {
+                // Its normal equations are of no use.
+                let cost = self.cost(&trial, kernel);
+                if cost < normal.cost {
+                    *state = trial;
+                    return (cost, iteration + 1);
+                }
+                self.set_shape(&state.coefficients);
+                return (normal.cost, iteration + 1);
+            }
+            self.linearise(&trial, kernel, next);
             if next.cost < normal.cost {
                 let decrease = normal.cost - next.cost;
                 let converged = decrease <= tolerance * normal.cost;
@@ -51,9 +67,9 @@ impl Objective<'_> {
                 let kernel_settled = next_kernel == kernel;
                 if !kernel_settled {
                     kernel = next_kernel;
-                    next = self.linearise::<D>(state, kernel);
+                    self.linearise(state, kernel, next);
                 }
-                normal = next;
+                core::mem::swap(&mut normal, &mut next);
                 if converged {
                     return (normal.cost, iteration + 1);
                 }
@@ -62,10 +78,9 @@ impl Objective<'_> {
                     self.set_shape(&state.coefficients);
                 }
                 // No step can lower the cost: rounding, or a minimum.
-                let predicted: f64 = (0..D).map(|i| -step[i] * normal.gradient[i]).sum();
                 rejections += 1;
                 damping = (damping * 10.0).min(DAMPING.1);
-                if predicted <= tolerance * normal.cost || rejections > MAX_REJECTIONS {
+                if 2.0 * predicted <= tolerance * normal.cost || rejections > MAX_REJECTIONS {
                     return (normal.cost, iteration + 1);
                 }
             }

@@ -2,7 +2,7 @@
 //!
 //! All take squared residuals, so that no square root is needed, and all are `r^2 / 2` near zero.
 
-use crate::lanes::Lanes;
+use crate::lanes::{Unit, Vector};
 
 /// A robust kernel with its scale.
 ///
@@ -60,8 +60,8 @@ pub(crate) fn tukey(r2: f64, c2: f64, inverse_c2: f64) -> (f64, f64) {
 
 /// [`tukey`] on many residuals.
 #[inline(always)]
-pub(crate) fn tukey_lanes(r2: Lanes, c2: f64, inverse_c2: f64) -> (Lanes, Lanes) {
-    let one = Lanes::splat(1.0);
+pub(crate) fn tukey_lanes<U: Unit>(unit: U, r2: U::Vector, c2: f64, inverse_c2: f64) -> (U::Vector, U::Vector) {
+    let one = unit.splat(1.0);
     let y = one - (r2 * inverse_c2).min(one);
     let weight = y * y;
     ((one - weight * y) * (c2 / 6.0), weight)

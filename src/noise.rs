@@ -1,9 +1,9 @@
 //! How noisy the keypoints are, from the residuals of a pose.
 
-use crate::lanes::Lanes;
+use crate::lanes::{Unit, Vector};
 use crate::math::{log, sqrt, square};
 use crate::residual::Block;
-use crate::simd::VectorUnit;
+use crate::simd::{HotLoop, VectorUnit};
 
 /// Two-dimensional residuals as a mixture: Gaussian inliers of unknown variance, and outliers uniform in an area.
 #[derive(Clone, Copy, Debug)]
@@ -47,25 +47,25 @@ struct Expected {
     weights: f64,
 }
 
-/// [`bell_inverse`] on many numbers.
+/// `(1 + x / 16)^16`, for `exp(x)`: inliers with the tails of Student's t with 30 degrees of freedom, and no call of
+/// a library in the loop.
 #[inline(always)]
-fn bell_inverse_lanes(x: Lanes) -> Lanes {
-    let y = Lanes::splat(1.0) + x * 0.0625;
+pub(crate) fn bell_inverse_lanes<U: Unit>(unit: U, x: U::Vector) -> U::Vector {
+    let y = unit.splat(1.0) + x * 0.0625;
     let y = y * y;
     let y = y * y;
     let y = y * y;
     y * y
 }
 
-/// `(1 + x / 16)^16`, for `exp(x)`: inliers with the tails of Student's t with 30 degrees of freedom, and no call of
-/// a library in the loop.
+/// [`inlier_probability`] of many keypoints.
 #[inline(always)]
-pub(crate) fn bell_inverse(x: f64) -> f64 {
-    square(square(square(square(1.0 + 0.0625 * x))))
+pub(crate) fn inlier_probability_lanes<U: Unit>(unit: U, share: f64, weight: U::Vector) -> U::Vector {
+    (weight * share).max(unit.splat(SHARES[0])).min(unit.splat(SHARES[1]))
 }
 
 /// Probability that a keypoint is an inlier, before it is looked at: in proportion to its weight.
-pub(crate) fn inlier_probability(share: f64, weight: f64) -> f64 {
+fn inlier_probability(share: f64, weight: f64) -> f64 {
     (share * weight).clamp(SHARES[0], SHARES[1])
 }
 
@@ -75,10 +75,7 @@ impl NoiseModel {
         let [lowest, highest] = BOUNDS.map(|b| square(b * self.guess));
         let mut noise = Noise { sigma: self.guess, share: 0.5 };
         for _ in 0..ROUNDS {
-            let sums = unit.run(
-                #[inline(always)]
-                || self.expect(noise, blocks),
-            );
+            let sums = unit.run(Expectation { model: self, noise, blocks });
             let scale = sums.inliers / sums.inlier_weights.max(f64::MIN_POSITIVE);
             let squares = 0.5 * sums.squares * scale + GUESS_WEIGHT * square(self.guess);
             let free = (sums.inliers - FITTED).max(0.5) + GUESS_WEIGHT;
@@ -87,23 +84,41 @@ impl NoiseModel {
         noise
     }
 
-    /// Expected inliers, and sums over them.
+    /// Tukey's `c` for a mixture: it follows the residual at which a keypoint is as likely an inlier as an outlier.
+    pub(crate) fn tukey_scale(&self, noise: Noise) -> f64 {
+        let share = inlier_probability(noise.share, 1.0);
+        let peak = self.area / (2.0 * core::f64::consts::PI * square(noise.sigma));
+        let even = 2.0 * log((share / (1.0 - share) * peak).max(1.0));
+        noise.sigma * (TUKEY_PER_EVEN * sqrt(even)).clamp(SCALES[0], SCALES[1])
+    }
+}
+
+/// Expected inliers, and sums over them.
+struct Expectation<'a> {
+    model: &'a NoiseModel,
+    noise: Noise,
+    blocks: &'a [Block],
+}
+
+impl HotLoop for Expectation<'_> {
+    type Output = Expected;
+
     #[inline(always)]
-    fn expect(&self, noise: Noise, blocks: &[Block]) -> Expected {
-        let variance = square(noise.sigma);
-        let (half_precision, flatness) = (0.5 / variance, 2.0 * core::f64::consts::PI * variance / self.area);
-        let one = Lanes::splat(1.0);
-        let (mut inliers, mut inlier_weights) = (Lanes::default(), Lanes::default());
-        let (mut squares, mut weights) = (Lanes::default(), Lanes::default());
-        for block in blocks {
-            let prior = (block.weight * noise.share).max(Lanes::splat(SHARES[0])).min(Lanes::splat(SHARES[1]));
+    fn run<U: Unit>(self, unit: U) -> Expected {
+        let variance = square(self.noise.sigma);
+        let (half_precision, flatness) = (0.5 / variance, 2.0 * core::f64::consts::PI * variance / self.model.area);
+        let (zero, one) = (unit.zero(), unit.splat(1.0));
+        let (mut inliers, mut inlier_weights, mut squares, mut weights) = (zero, zero, zero, zero);
+        for block in self.blocks {
+            let (r2, weight) = (unit.load(block.r2), unit.load(block.weight));
+            let prior = inlier_probability_lanes(unit, self.noise.share, weight);
             // p(inlier | r) by Bayes' rule; an infinite residual (behind the camera) has none
-            let odds = (one - prior) * (bell_inverse_lanes(block.r2 * half_precision) * flatness);
-            let p = (prior / (prior + odds)).where_positive(block.weight, 0.0);
+            let odds = (one - prior) * (bell_inverse_lanes(unit, r2 * half_precision) * flatness);
+            let p = (prior / (prior + odds)).where_positive(weight, zero);
             inliers += p;
-            inlier_weights += block.weight * p;
-            squares += (block.weight * p * block.r2).where_positive(p, 0.0);
-            weights += block.weight;
+            inlier_weights += weight * p;
+            squares += (weight * p * r2).where_positive(p, zero);
+            weights += weight;
         }
         Expected {
             inliers: inliers.sum(),
@@ -111,13 +126,5 @@ impl NoiseModel {
             squares: squares.sum(),
             weights: weights.sum(),
         }
-    }
-
-    /// Tukey's `c` for a mixture: it follows the residual at which a keypoint is as likely an inlier as an outlier.
-    pub(crate) fn tukey_scale(&self, noise: Noise) -> f64 {
-        let share = inlier_probability(noise.share, 1.0);
-        let peak = self.area / (2.0 * core::f64::consts::PI * square(noise.sigma));
-        let even = 2.0 * log((share / (1.0 - share) * peak).max(1.0));
-        noise.sigma * (TUKEY_PER_EVEN * sqrt(even)).clamp(SCALES[0], SCALES[1])
     }
 }

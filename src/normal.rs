@@ -5,7 +5,6 @@
 
 use nalgebra::Vector6;
 
-use crate::math::sqrt;
 use crate::object::MAX_MODES;
 use crate::pose::Pose;
 
@@ -30,6 +29,7 @@ impl State {
 
 /// Normal equations at a state, and the cost there.
 pub(crate) struct Normal<const D: usize> {
+    /// Upper triangle; the lower one is zero.
     pub(crate) h: [[f64; D]; D],
     pub(crate) gradient: [f64; D],
     pub(crate) cost: f64,
@@ -58,10 +58,8 @@ pub(crate) fn add_row<const D: usize, const N: usize>(
     }
 }
 
-/// Adds a row that does not depend on the shape.
-#[inline]
-pub(crate) fn add_pose_row<const D: usize>(normal: &mut Normal<D>, j: &[f64; 6], residual: f64, weight: f64) {
-    add_row(normal, j, residual, weight);
+impl<const D: usize> Normal<D> {
+    pub(crate) const ZERO: Self = Self { h: [[0.0; D]; D], gradient: [0.0; D], cost: 0.0 };
 }
 
 /// `-(H + damping diag(H))^-1 gradient`; `None` when the matrix is not positive definite.
@@ -71,50 +69,54 @@ pub(crate) fn solve_damped<const D: usize>(normal: &Normal<D>, damping: f64) -> 
         h[i][i] += damping * h[i][i];
     }
     cholesky(&mut h)?;
-    let mut x = normal.gradient.map(|g| -g);
+    let mut x = normal.gradient;
+    for g in &mut x {
+        *g = -*g;
+    }
     solve_cholesky(&h, &mut x);
     x.iter().all(|x| x.is_finite()).then_some(x)
 }
 
-/// Lower Cholesky factor in place, with inverse diagonal; `None` when the matrix is not positive definite.
+/// `H = U^T D U` in place of the upper triangle, `U` with a unit diagonal and `D` inverted on the diagonal: Cholesky
+/// without square roots; `None` when the matrix is not positive definite.
+#[inline(always)]
 pub(crate) fn cholesky<const D: usize>(h: &mut [[f64; D]; D]) -> Option<()> {
+    let mut scales = [0.0; D];
     for j in 0..D {
-        let scale = h[j][j];
-        let mut pivot = h[j][j];
-        for k in 0..j {
-            pivot -= h[j][k] * h[j][k];
-        }
+        scales[j] = h[j][j];
+    }
+    for j in 0..D {
+        let pivot = h[j][j];
         // Relative to the diagonal: a direction the data says nothing about.
-        if !(pivot > 1e-14 * scale) {
+        if !(pivot > 1e-14 * scales[j]) {
             return None;
         }
-        let inverse = 1.0 / sqrt(pivot);
-        for i in j + 1..D {
-            let mut s = h[i][j];
-            for k in 0..j {
-                s -= h[i][k] * h[j][k];
-            }
-            h[i][j] = s * inverse;
-        }
+        let inverse = 1.0 / pivot;
         h[j][j] = inverse;
+        for i in j + 1..D {
+            let factor = h[j][i] * inverse;
+            for k in i..D {
+                h[i][k] -= factor * h[j][k];
+            }
+            h[j][i] = factor;
+        }
     }
     Some(())
 }
 
-/// Solves `L L^T x = b` in place with the factor of [`cholesky`].
-pub(crate) fn solve_cholesky<const D: usize>(l: &[[f64; D]; D], x: &mut [f64; D]) {
+/// Solves `U^T D U x = b` in place with the factors of [`cholesky`].
+#[inline(always)]
+pub(crate) fn solve_cholesky<const D: usize>(u: &[[f64; D]; D], x: &mut [f64; D]) {
     for i in 0..D {
-        let mut s = x[i];
-        for k in 0..i {
-            s -= l[i][k] * x[k];
+        for k in i + 1..D {
+            x[k] -= u[i][k] * x[i];
         }
-        x[i] = s * l[i][i];
     }
     for i in (0..D).rev() {
-        let mut s = x[i];
+        let mut s = x[i] * u[i][i];
         for k in i + 1..D {
-            s -= l[k][i] * x[k];
+            s -= u[i][k] * x[k];
         }
-        x[i] = s * l[i][i];
+        x[i] = s;
     }
 }

@@ -144,8 +144,9 @@ fn is_collinear(indices: &[u32], position: impl Fn(u32) -> Vector3<f64>) -> bool
     let (mut axis, mut extent2) = (Vector3::zeros(), 0.0);
     for &i in indices {
         let d = position(i) - first;
-        if d.norm_squared() > extent2 {
-            (axis, extent2) = (d, d.norm_squared());
+        let distance2 = d.norm_squared();
+        if distance2 > extent2 {
+            (axis, extent2) = (d, distance2);
         }
     }
     let limit = square(COLLINEAR * extent2);

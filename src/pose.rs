@@ -31,23 +31,21 @@ pub struct Pose {
     pub t: Vector3<f64>,
 }
 
-/// `R_y(yaw)` from the cosine and sine of the yaw: `R_y [0, 0, 1] = [sin, 0, cos]`.
-#[inline]
-pub(crate) fn yaw_rotation(cosine: f64, sine: f64) -> Matrix3<f64> {
-    Matrix3::new(cosine, 0.0, sine, 0.0, 1.0, 0.0, -sine, 0.0, cosine)
-}
-
 impl Pose {
     /// The pose of an upright object: yaw about the ground's normal and a translation in the
     /// ground frame (paper, eq. 3).
     #[must_use]
     pub fn upright(view: &View, yaw: f64, t_ground: Vector3<f64>) -> Self {
-        Self::from_ground(view, yaw_rotation(cos(yaw), sin(yaw)), t_ground)
+        Self::from_yaw(view, cos(yaw), sin(yaw), t_ground)
     }
 
+    /// The same from the cosine and sine of the yaw: `R_y [0, 0, 1] = [sin, 0, cos]`.
     #[inline]
-    pub(crate) fn from_ground(view: &View, r_ground: Matrix3<f64>, t_ground: Vector3<f64>) -> Self {
-        Self { r: view.r_camera_from_ground * r_ground, t: view.r_camera_from_ground * t_ground }
+    pub(crate) fn from_yaw(view: &View, cosine: f64, sine: f64, t_ground: Vector3<f64>) -> Self {
+        let r = &view.r_camera_from_ground;
+        let (x, z) = (r.column(0), r.column(2));
+        let columns = [x * cosine - z * sine, r.column(1).into_owned(), x * sine + z * cosine];
+        Self { r: Matrix3::from_columns(&columns), t: r * t_ground }
     }
 
     /// Angle, in the bird's-eye view, between the object's forward axis and the camera's.

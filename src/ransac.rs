@@ -172,16 +172,21 @@ impl Search<'_> {
             return statistics;
         }
         let mut inliers = 0;
-        let mut good_sample = 0.0;
+        // That a sample is not good, and that none was.
+        let (mut bad_sample, mut all_bad) = (1.0, 1.0);
         for m in 1..=self.max_iterations {
             let sample = stream.combination::<SIZE>(n).map(|k| self.visible[k] as usize);
             solver.solve(sample, &mut |pose| run.score(pose));
             statistics.iterations = m;
             if run.inliers != inliers {
                 inliers = run.inliers;
-                good_sample = (0..SIZE).map(|j| inliers.saturating_sub(j) as f64 / (n - j) as f64).product();
+                let good: f64 = (0..SIZE).map(|j| inliers.saturating_sub(j) as f64 / (n - j) as f64).product();
+                bad_sample = 1.0 - good;
+                all_bad = pow(bad_sample, m as f64);
+            } else {
+                all_bad *= bad_sample;
             }
-            statistics.confidence = 1.0 - pow(1.0 - good_sample, m as f64);
+            statistics.confidence = 1.0 - all_bad;
             if statistics.confidence >= self.confidence {
                 statistics.stop_reason = StopReason::Confident;
                 break;

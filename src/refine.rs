@@ -124,20 +124,25 @@ pub(crate) fn schedule(refinement: Refinement, threshold: f64, hre_thresholds: [
     }
 }
 
-/// Runs a schedule from a pose; the blocks hold the shape of the returned state afterwards.
+/// Runs a schedule from a pose; the blocks hold the shape of the returned state afterwards. It ends after
+/// the first stage that leaves a pose and cost of which `is_worth_it` says no.
 pub(crate) fn refine(
     objective: &mut Objective,
     scratch: &mut [f64],
     start: &Pose,
     schedule: &Schedule,
+    mut is_worth_it: impl FnMut(&Pose, f64) -> bool,
 ) -> (State, [StageStatistics; MAX_STAGES]) {
     let mut state = State { pose: *start, coefficients: [0.0; MAX_MODES] };
     let mut statistics = [StageStatistics::default(); MAX_STAGES];
     objective.set_shape(&state.coefficients);
-    for (stage, statistics) in schedule.iter().zip(&mut statistics) {
-        let Some(stage) = stage else { continue };
+    let stages = schedule.iter().flatten().count();
+    for (k, (stage, statistics)) in schedule.iter().flatten().zip(&mut statistics).enumerate() {
         let (cost, iterations) = run_stage(objective, scratch, &mut state, stage);
         *statistics = StageStatistics { iterations, cost };
+        if k + 1 < stages && !is_worth_it(&state.pose, cost) {
+            break;
+        }
     }
     (state, statistics)
 }
@@ -154,7 +159,7 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
         objective.priors.noise_sigma = noise.sigma;
         noise_scale = objective.noise.tukey_scale(noise);
     }
-    let kernel_at = |objective: &Objective, state: &State| match stage.kernel {
+    let kernel_at = |objective: &mut Objective, state: &State| match stage.kernel {
         StageKernel::Inliers { .. } => Kernel::LeastSquares,
         StageKernel::FixedTukey { c } => Kernel::Tukey { c2: square(c) },
         StageKernel::NoiseTukey => Kernel::Tukey { c2: square(noise_scale) },
@@ -173,11 +178,11 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
 }
 
 /// `median(|r - median(r)|) / 0.6745` over the visible keypoints (paper, below eq. 10).
-fn mad_scale(objective: &Objective, pose: &Pose, scratch: &mut [f64]) -> f64 {
+fn mad_scale(objective: &mut Objective, pose: &Pose, scratch: &mut [f64]) -> f64 {
     let residuals = &mut scratch[..objective.visible.len()];
-    objective.squared_residuals(pose, residuals);
-    for r in residuals.iter_mut() {
-        *r = sqrt(*r);
+    objective.measure(pose);
+    for (r, (r2, _)) in residuals.iter_mut().zip(objective.measured()) {
+        *r = sqrt(r2);
     }
     let centre = median(residuals);
     for r in residuals.iter_mut() {

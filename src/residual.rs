@@ -3,8 +3,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Camera;
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, Unit, Vector};
 use crate::pose::Pose;
+use crate::simd::HotLoop;
 
 /// Four points of one object, side by side. Lanes beyond the last point have weight zero.
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,31 +50,50 @@ impl Projection {
 
     /// Squared reprojection errors of a block, pixels squared; infinite behind the camera.
     #[inline(always)]
-    pub(crate) fn squared_residuals(&self, b: &Block) -> Lanes {
-        let row = |i: usize| {
-            let [rx, ry, rz] = self.r[i];
-            b.x * rx + b.y * ry + b.z * rz + Lanes::splat(self.t[i])
-        };
-        let depth = row(2);
-        let inverse = depth.reciprocal();
-        let (du, dv) = (row(0) * inverse - b.u, row(1) * inverse - b.v);
-        (du * du + dv * dv).where_positive(depth, f64::INFINITY)
+    pub(crate) fn squared_residuals<U: Unit>(&self, unit: U, b: &Block) -> U::Vector {
+        let depth = self.row(unit, b, 2);
+        let inverse = unit.splat(1.0) / depth;
+        let du = self.row(unit, b, 0) * inverse - unit.load(b.u);
+        let dv = self.row(unit, b, 1) * inverse - unit.load(b.v);
+        (du * du + dv * dv).where_positive(depth, unit.splat(f64::INFINITY))
+    }
+
+    /// One coordinate of the homogeneous pixels.
+    #[inline(always)]
+    fn row<U: Unit>(&self, unit: U, b: &Block, i: usize) -> U::Vector {
+        let [rx, ry, rz] = self.r[i];
+        unit.load(b.x) * rx + unit.load(b.y) * ry + unit.load(b.z) * rz + unit.splat(self.t[i])
+    }
+}
+
+/// Writes the squared residuals of a projection into the blocks.
+pub(crate) struct Measure<'a> {
+    pub(crate) blocks: &'a mut [Block],
+    pub(crate) projection: &'a Projection,
+}
+
+impl HotLoop for Measure<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) {
+        for block in self.blocks {
+            block.r2 = self.projection.squared_residuals(unit, block).lanes();
+        }
     }
 }
 
 /// Jacobian of one point's residual: rows `u` and `v`, by a rotation vector on the left and a translation.
 pub(crate) struct PointJacobian {
-    /// Residual (projected minus observed), pixels.
-    pub(crate) residual: [f64; 2],
     /// `d residual / d (rotation, translation)`.
     pub(crate) pose: [[f64; 6]; 2],
     /// `d residual / d X_object`.
     pub(crate) point: [[f64; 3]; 2],
 }
 
-/// Residual and Jacobian of one model point; `None` behind the camera.
+/// Jacobian of one model point's residual; `None` behind the camera.
 #[inline]
-pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3], pixel: [f64; 2]) -> Option<PointJacobian> {
+pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3]) -> Option<PointJacobian> {
     let rotated: Vector3<f64> = pose.r * Vector3::from(model);
     let p = rotated + pose.t;
     if p.z <= 0.0 {
@@ -90,7 +110,6 @@ pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3], pixe
     };
     let to_object = |g: &Vector3<f64>, r: &Matrix3<f64>| -> [f64; 3] { r.tr_mul(g).into() };
     Some(PointJacobian {
-        residual: [u - pixel[0], v - pixel[1]],
         pose: [row(&gradients[0]), row(&gradients[1])],
         point: [to_object(&gradients[0], &pose.r), to_object(&gradients[1], &pose.r)],
     })

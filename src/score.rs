@@ -1,8 +1,8 @@
 //! Scores of hypotheses: the loop over hypotheses x points, left as soon as a hypothesis cannot win.
 
-use crate::lanes::Lanes;
+use crate::lanes::{Unit, Vector};
 use crate::residual::{Block, Projection};
-use crate::simd::VectorUnit;
+use crate::simd::{HotLoop, VectorUnit};
 
 /// How a hypothesis is scored. Lower is better; both are at most the sum of the weights.
 ///
@@ -22,7 +22,7 @@ pub enum Scoring {
 }
 
 /// Blocks between two looks at whether the hypothesis has already lost.
-const BLOCKS_PER_CHECK: usize = 8;
+const BLOCKS_PER_CHECK: usize = 4;
 
 /// Weighted cost of a hypothesis with threshold `tau2` (squared pixels), or infinity once it reaches `bound`.
 #[inline]
@@ -34,26 +34,73 @@ pub(crate) fn cost(
     tau2: f64,
     bound: f64,
 ) -> f64 {
-    let limit = Lanes::splat(tau2);
     match scoring {
+        Scoring::Msac => unit.run(Truncated { blocks, projection, tau2, bound }),
+        Scoring::Inliers => unit.run(Beyond { blocks, projection, tau2, bound }),
+    }
+}
+
+struct Truncated<'a> {
+    blocks: &'a [Block],
+    projection: &'a Projection,
+    tau2: f64,
+    bound: f64,
+}
+
+impl HotLoop for Truncated<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) -> f64 {
+        let (limit, inverse) = (unit.splat(self.tau2), 1.0 / self.tau2);
         // A residual that is not a number costs one.
-        Scoring::Msac => unit.run(
+        accumulate(
+            unit,
+            self.blocks,
+            self.projection,
+            self.bound,
             #[inline(always)]
-            || accumulate(blocks, projection, bound, |r2| r2.min(limit) * (1.0 / tau2)),
-        ),
-        Scoring::Inliers => unit.run(
+            |r2| r2.min(limit) * inverse,
+        )
+    }
+}
+
+struct Beyond<'a> {
+    blocks: &'a [Block],
+    projection: &'a Projection,
+    tau2: f64,
+    bound: f64,
+}
+
+impl HotLoop for Beyond<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) -> f64 {
+        let (limit, one) = (unit.splat(self.tau2), unit.splat(1.0));
+        accumulate(
+            unit,
+            self.blocks,
+            self.projection,
+            self.bound,
             #[inline(always)]
-            || accumulate(blocks, projection, bound, |r2| Lanes::splat(1.0) - r2.at_most(limit)),
-        ),
+            |r2| one - r2.at_most(limit),
+        )
     }
 }
 
 #[inline(always)]
-fn accumulate(blocks: &[Block], projection: &Projection, bound: f64, loss: impl Fn(Lanes) -> Lanes) -> f64 {
-    let mut total = Lanes::default();
+fn accumulate<U: Unit>(
+    unit: U,
+    blocks: &[Block],
+    projection: &Projection,
+    bound: f64,
+    loss: impl Fn(U::Vector) -> U::Vector,
+) -> f64 {
+    let mut total = unit.zero();
     for group in blocks.chunks(BLOCKS_PER_CHECK) {
         for block in group {
-            total += block.weight * loss(projection.squared_residuals(block));
+            total += unit.load(block.weight) * loss(projection.squared_residuals(unit, block));
         }
         if total.sum() >= bound {
             return f64::INFINITY;
@@ -64,17 +111,26 @@ fn accumulate(blocks: &[Block], projection: &Projection, bound: f64, loss: impl 
 
 /// Number of points within the threshold.
 pub(crate) fn inlier_count(unit: VectorUnit, blocks: &[Block], projection: &Projection, tau2: f64) -> usize {
-    let limit = Lanes::splat(tau2);
-    let count = unit.run(
-        #[inline(always)]
-        || {
-            let mut count = Lanes::default();
-            for block in blocks {
-                let squared = projection.squared_residuals(block);
-                count += squared.at_most(limit).where_positive(block.weight, 0.0);
-            }
-            count.sum()
-        },
-    );
-    count as usize
+    unit.run(Within { blocks, projection, tau2 }) as usize
+}
+
+struct Within<'a> {
+    blocks: &'a [Block],
+    projection: &'a Projection,
+    tau2: f64,
+}
+
+impl HotLoop for Within<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) -> f64 {
+        let (limit, zero) = (unit.splat(self.tau2), unit.zero());
+        let mut count = zero;
+        for block in self.blocks {
+            let squared = self.projection.squared_residuals(unit, block);
+            count += squared.at_most(limit).where_positive(unit.load(block.weight), zero);
+        }
+        count.sum()
+    }
 }

@@ -5,11 +5,12 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the bottom of the house to its roof. Below `minimal` its parts, in their own order.
-const ORDER: [&str; 36] = [
+const ORDER: [&str; 41] = [
     "error",
     "math",
-    "simd",
     "lanes",
+    "avx",
+    "simd",
     "object",
     "camera",
     "pose",
@@ -21,13 +22,17 @@ const ORDER: [&str; 36] = [
     "p3p",
     "residual",
     "loss",
+    "outermost",
+    "sides",
+    "normal",
+    "pose_sums",
+    "joint_sums",
     "score",
     "sampler",
     "ransac",
     "noise",
     "consensus",
     "workspace",
-    "normal",
     "priors",
     "objective",
     "lm",

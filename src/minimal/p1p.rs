@@ -22,10 +22,12 @@ use nalgebra::Vector3;
 
 use super::MinimalSolver;
 use crate::camera::View;
+use crate::lanes::{LANES, Lanes, Unit, Vector};
 use crate::math::{norm2, sqrt};
 use crate::object::{Bbox, Footprint, MAX_CORNERS, ShapeModel};
 use crate::observation::Observation;
-use crate::pose::{Pose, yaw_rotation};
+use crate::pose::Pose;
+use crate::simd::{HotLoop, VectorUnit};
 
 /// Which corners may touch the sides of the 2D box.
 ///
@@ -83,47 +85,80 @@ pub(super) const FEASIBILITY_TOLERANCE: f64 = 0.03;
 /// # Ok::<(), groundpose::error::InputError>(())
 /// ```
 pub struct P1p<'a> {
+    unit: VectorUnit,
     view: &'a View,
     observation: &'a Observation<'a>,
     planes: [Vector3<f64>; 2],
-    footprint: Footprint,
+    /// x and z of the corners of the footprint, padded by repeating the last.
+    corners: [[f64; MAX_CORNERS]; 2],
+    count: usize,
     /// Height (y, object frame) of the corner that touches each plane first, and of the other one.
     touching_y: [f64; 2],
     cases: Cases,
+    /// See [`FEASIBILITY_TOLERANCE`].
+    tolerance: f64,
 }
 
 /// One plane seen from one keypoint: corner `c` lies on it when `a l_C + p_c cos + q_c sin + g = 0`.
 struct PlaneEquation {
     a: f64,
     g: f64,
-    /// `(p, q)` of every corner.
-    corners: [(f64, f64); MAX_CORNERS],
+    /// Of every corner, padded as they are.
+    p: [f64; MAX_CORNERS],
+    q: [f64; MAX_CORNERS],
+}
+
+/// Four of the numbers of the corners.
+#[inline(always)]
+fn group_of<U: Unit>(unit: U, numbers: &[f64; MAX_CORNERS], group: usize) -> U::Vector {
+    unit.load(Lanes(numbers.as_chunks().0[group]))
 }
 
 impl PlaneEquation {
     #[inline(always)]
-    fn new(
-        plane: &Vector3<f64>,
-        touching_y: f64,
-        footprint: &Footprint,
-        ray: &Vector3<f64>,
-        keypoint: [f64; 3],
-    ) -> Self {
-        let mut corners = [(0.0, 0.0); MAX_CORNERS];
-        for (pq, &[x, z]) in corners.iter_mut().zip(footprint.corners()) {
-            let (dx, dz) = (x - keypoint[0], z - keypoint[2]);
+    fn new<U: Unit>(unit: U, solver: &P1p, side: usize, ray: &Vector3<f64>, keypoint: [f64; 3]) -> Self {
+        let plane = &solver.planes[side];
+        let height = solver.touching_y[side] - keypoint[1];
+        let (mut p, mut q) = ([0.0; MAX_CORNERS], [0.0; MAX_CORNERS]);
+        let (p_groups, q_groups) = (p.as_chunks_mut().0, q.as_chunks_mut().0);
+        for group in 0..solver.count.div_ceil(LANES) {
+            let dx = group_of(unit, &solver.corners[0], group) - unit.splat(keypoint[0]);
+            let dz = group_of(unit, &solver.corners[1], group) - unit.splat(keypoint[2]);
             // R(yaw) d = (c dx + s dz, dy, c dz - s dx)
-            *pq = (plane.x * dx + plane.z * dz, plane.x * dz - plane.z * dx);
+            p_groups[group] = (dx * plane.x + dz * plane.z).lanes().0;
+            q_groups[group] = (dz * plane.x - dx * plane.z).lanes().0;
         }
-        Self { a: plane.dot(ray), g: plane.y * (touching_y - keypoint[1]), corners }
+        Self { a: plane.dot(ray), g: plane.y * height, p, q }
     }
 
-    /// Whether all corners are on the inner side, give or take the tolerance.
+    /// How far the corner that is furthest out is on the inner side, with a tolerance, for both roots.
     #[inline(always)]
-    fn holds(&self, count: usize, cosine: f64, sine: f64, distance: f64) -> bool {
-        let limit = -(FEASIBILITY_TOLERANCE + self.a) * distance - self.g;
-        self.corners[..count].iter().all(|(p, q)| p * cosine + q * sine >= limit)
+    fn margins<U: Unit>(&self, unit: U, count: usize, tolerance: f64, roots: &[Yaw<U::Vector>; 2]) -> [U::Vector; 2] {
+        let mut furthest = [unit.splat(f64::INFINITY); 2];
+        for (&p, &q) in self.p[..count].iter().zip(&self.q[..count]) {
+            let (p, q) = (unit.splat(p), unit.splat(q));
+            furthest[0] = (roots[0].cosine * p + roots[0].sine * q).min(furthest[0]);
+            furthest[1] = (roots[1].cosine * p + roots[1].sine * q).min(furthest[1]);
+        }
+        let (share, g) = (unit.splat(tolerance + self.a), unit.splat(self.g));
+        [furthest[0] + (roots[0].distance * share + g), furthest[1] + (roots[1].distance * share + g)]
     }
+}
+
+/// One root of four cases in memory.
+#[derive(Clone, Copy, Default)]
+struct Root {
+    cosine: Lanes,
+    sine: Lanes,
+    distance: Lanes,
+}
+
+/// One root of four cases.
+#[derive(Clone, Copy)]
+struct Yaw<V> {
+    cosine: V,
+    sine: V,
+    distance: V,
 }
 
 impl<'a> P1p<'a> {
@@ -132,11 +167,44 @@ impl<'a> P1p<'a> {
     pub fn new(view: &'a View, observation: &'a Observation<'a>, bbox: &Bbox, cases: Cases) -> Self {
         let planes = view.side_planes(bbox.left, bbox.right);
         let model = observation.model();
+        let rectangle;
         let footprint = match cases {
-            Cases::All => *model.footprint(),
-            Cases::Paper => Footprint::rectangle(model.bbox_3d()),
+            Cases::All => model.footprint(),
+            Cases::Paper => {
+                rectangle = Footprint::rectangle(model.bbox_3d());
+                &rectangle
+            }
         };
-        Self { view, observation, planes, footprint, touching_y: touching_heights(&planes, model), cases }
+        let (outline, count) = (footprint.corners(), footprint.corners().len());
+        let mut corners = [[0.0; MAX_CORNERS]; 2];
+        for c in 0..count.next_multiple_of(LANES) {
+            let [x, z] = outline[c.min(count - 1)];
+            (corners[0][c], corners[1][c]) = (x, z);
+        }
+        let (unit, tolerance) = (VectorUnit::detect(), FEASIBILITY_TOLERANCE);
+        let touching_y = touching_heights(&planes, model);
+        Self { unit, view, observation, planes, corners, count, touching_y, cases, tolerance }
+    }
+
+    /// Bits of the right corners of a group that make a case with a left corner.
+    #[inline(always)]
+    fn cases_of(&self, left: usize, group: usize) -> u32 {
+        let corners = (1 << (self.count - group * LANES).min(LANES)) - 1;
+        let itself = if left / LANES == group { 1 << (left % LANES) } else { 0 };
+        if left < self.count { corners & !itself } else { 0 }
+    }
+
+    /// The same on another vector unit.
+    #[cfg(test)]
+    pub(crate) fn on(mut self, unit: VectorUnit) -> Self {
+        self.unit = unit;
+        self
+    }
+
+    /// The same with less room for noise: corners may lie outside by at most this share of the keypoint's distance.
+    pub(crate) fn with_tolerance(mut self, share: f64) -> Self {
+        self.tolerance = self.tolerance.min(share);
+        self
     }
 }
 
@@ -150,29 +218,6 @@ pub(super) fn solve_yaw(p: f64, q: f64, g: f64) -> Option<[(f64, f64); 2]> {
     }
     let (inverse, root) = (1.0 / norm_squared, sqrt(discriminant));
     Some([1.0, -1.0].map(|sign| ((-g * p + sign * root * q) * inverse, (-g * q - sign * root * p) * inverse)))
-}
-
-/// Both solutions of one case, before the test of feasibility: cosine, sine, distance.
-#[inline(always)]
-fn solve_case(
-    on_left: &PlaneEquation,
-    on_right: &PlaneEquation,
-    left: usize,
-    right: usize,
-) -> [Option<(f64, f64, f64)>; 2] {
-    let ((p_left, q_left), (p_right, q_right)) = (on_left.corners[left], on_right.corners[right]);
-    // l_C eliminated: p cos + q sin + g = 0
-    let p = on_right.a * p_left - on_left.a * p_right;
-    let q = on_right.a * q_left - on_left.a * q_right;
-    let g = on_right.a * on_left.g - on_left.a * on_right.g;
-    let Some(yaws) = solve_yaw(p, q, g) else { return [None, None] };
-    // Of the two equations the one whose plane is further from the ray gives the distance.
-    let (plane, (p_plane, q_plane)) =
-        if on_left.a.abs() > on_right.a.abs() { (on_left, (p_left, q_left)) } else { (on_right, (p_right, q_right)) };
-    yaws.map(|(cosine, sine)| {
-        let distance = -(p_plane * cosine + q_plane * sine + plane.g) / plane.a;
-        (distance > 0.0).then_some((cosine, sine, distance))
-    })
 }
 
 /// For each plane the height of the 3D box (top or bottom) at which it touches the box: the sign of the
@@ -192,37 +237,140 @@ pub(super) fn pose_at(
     sine: f64,
     distance: f64,
 ) -> Pose {
-    let length = norm2(cosine, sine);
-    let r = yaw_rotation(cosine / length, sine / length);
-    Pose::from_ground(view, r, ray * distance - r * Vector3::from(keypoint))
+    let inverse = 1.0 / norm2(cosine, sine);
+    let (cosine, sine) = (cosine * inverse, sine * inverse);
+    let [x, y, z] = keypoint;
+    let turned = Vector3::new(cosine * x + sine * z, y, cosine * z - sine * x);
+    Pose::from_yaw(view, cosine, sine, ray * distance - turned)
 }
 
 impl MinimalSolver<1> for P1p<'_> {
     fn solve(&self, [index]: [usize; 1], emit: &mut impl FnMut(Pose)) {
-        let ray = self.view.ground_ray(self.observation.keypoints_2d()[index]);
+        let ray = &self.view.ground_ray(self.observation.keypoints_2d()[index]);
         let keypoint = self.observation.model().mean()[index];
-        let equation =
-            |k: usize| PlaneEquation::new(&self.planes[k], self.touching_y[k], &self.footprint, &ray, keypoint);
-        let (on_left, on_right) = (equation(0), equation(1));
-        let count = self.footprint.corners().len();
-        let mut try_case = |left: usize, right: usize| {
-            for (cosine, sine, distance) in solve_case(&on_left, &on_right, left, right).into_iter().flatten() {
-                let feasible =
-                    on_left.holds(count, cosine, sine, distance) && on_right.holds(count, cosine, sine, distance);
-                if feasible {
-                    emit(pose_at(self.view, &ray, keypoint, cosine, sine, distance));
-                }
-            }
-        };
-        match self.cases {
-            Cases::Paper => PAPER_CASES.iter().for_each(|&(left, right)| try_case(left, right)),
+        self.unit.run(Draw { solver: self, ray, keypoint, emit });
+    }
+}
+
+/// All cases of one keypoint.
+struct Draw<'a, F> {
+    solver: &'a P1p<'a>,
+    ray: &'a Vector3<f64>,
+    keypoint: [f64; 3],
+    emit: &'a mut F,
+}
+
+impl<F: FnMut(Pose)> HotLoop for Draw<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<U: Unit>(mut self, unit: U) {
+        let s = self.solver;
+        let planes = &[
+            PlaneEquation::new(unit, s, 0, self.ray, self.keypoint),
+            PlaneEquation::new(unit, s, 1, self.ray, self.keypoint),
+        ];
+        match s.cases {
+            Cases::Paper => self.solve_lefts(unit, planes, PAPER_CASES.map(|(left, right)| (left, 1 << right)), 0),
             Cases::All => {
-                for left in 0..count {
-                    for right in (0..count).filter(|&right| right != left) {
-                        try_case(left, right);
+                for first in (0..s.count).step_by(LANES) {
+                    for group in 0..s.count.div_ceil(LANES) {
+                        let lefts = [first, first + 1, first + 2, first + 3];
+                        self.solve_lefts(unit, planes, lefts.map(|left| (left, s.cases_of(left, group))), group);
                     }
                 }
             }
         }
     }
+}
+
+/// Bit `l` of a number of four bits at bit `2 l`.
+const SPREAD: [u32; 16] = [0, 1, 4, 5, 16, 17, 20, 21, 64, 65, 68, 69, 80, 81, 84, 85];
+
+impl<F: FnMut(Pose)> Draw<'_, F> {
+    /// The cases of four left corners with a group of right ones, those with a bit.
+    #[inline(always)]
+    fn solve_lefts<U: Unit>(
+        &mut self,
+        unit: U,
+        planes: &[PlaneEquation; 2],
+        lefts: [(usize, u32); LANES],
+        group: usize,
+    ) {
+        let mut solved = [[Root::default(); 2]; LANES];
+        // One bit a solution: left corner, then right corner, then root. One loop over them is easier to predict than
+        // a branch for each.
+        let mut bits = 0;
+        for (k, (left, is_case)) in lefts.into_iter().enumerate() {
+            let roots = solve_cases(unit, planes, left, group);
+            let feasible = self.feasible(unit, planes, &roots);
+            for (solved, root) in solved[k].iter_mut().zip(&roots) {
+                *solved =
+                    Root { cosine: root.cosine.lanes(), sine: root.sine.lanes(), distance: root.distance.lanes() };
+            }
+            let spread = |root: usize| SPREAD[(feasible[root] & is_case) as usize & 15] << root;
+            bits |= (spread(0) | spread(1)) << (2 * LANES * k);
+        }
+        while bits != 0 {
+            let bit = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let (root, lane) = (&solved[bit / (2 * LANES)][bit % 2], bit / 2 % LANES);
+            let (cosine, sine, distance) = (root.cosine.0[lane], root.sine.0[lane], root.distance.0[lane]);
+            (self.emit)(pose_at(self.solver.view, self.ray, self.keypoint, cosine, sine, distance));
+        }
+    }
+
+    /// For both roots one bit for every case whose keypoint is in front and whose corners are all inside.
+    #[inline(always)]
+    fn feasible<U: Unit>(&self, unit: U, planes: &[PlaneEquation; 2], roots: &[Yaw<U::Vector>; 2]) -> [u32; 2] {
+        let (count, tolerance, outside) = (self.solver.count, self.solver.tolerance, unit.splat(-1.0));
+        let left = planes[0].margins(unit, count, tolerance, roots);
+        let right = planes[1].margins(unit, count, tolerance, roots);
+        [
+            left[0].min(right[0]).where_positive(roots[0].distance, outside).bits_at_least_zero(),
+            left[1].min(right[1]).where_positive(roots[1].distance, outside).bits_at_least_zero(),
+        ]
+    }
+}
+
+/// Both roots of the cases of one left corner with a group of right ones; not numbers where there is none.
+#[inline(always)]
+fn solve_cases<U: Unit>(
+    unit: U,
+    [on_left, on_right]: &[PlaneEquation; 2],
+    left: usize,
+    group: usize,
+) -> [Yaw<U::Vector>; 2] {
+    let (p_left, q_left) = (on_left.p[left], on_left.q[left]);
+    let (p_right, q_right) = (group_of(unit, &on_right.p, group), group_of(unit, &on_right.q, group));
+    // l_C eliminated: p cos + q sin + g = 0
+    let p = unit.splat(on_right.a * p_left) - p_right * on_left.a;
+    let q = unit.splat(on_right.a * q_left) - q_right * on_left.a;
+    let g = on_right.a * on_left.g - on_left.a * on_right.g;
+    let norm_squared = p * p + q * q;
+    let discriminant = norm_squared - unit.splat(g * g);
+    // Complex yaws, and those of planes that coincide.
+    let inverse = (unit.splat(1.0) / norm_squared).where_positive(discriminant, unit.splat(f64::NAN));
+    let root = discriminant.sqrt();
+    // Of the two equations the one whose plane is further from the ray gives the distance.
+    let (plane, p_plane, q_plane) = if on_left.a.abs() > on_right.a.abs() {
+        (on_left, unit.splat(p_left), unit.splat(q_left))
+    } else {
+        (on_right, p_right, q_right)
+    };
+    let (offset, per_a) = (unit.splat(plane.g), -1.0 / plane.a);
+    let (root_p, root_q, g_p, g_q) = (root * p, root * q, p * g, q * g);
+    let zero = unit.zero();
+    let yaws = [
+        ((root_q - g_p) * inverse, (zero - root_p - g_q) * inverse),
+        ((zero - root_q - g_p) * inverse, (root_p - g_q) * inverse),
+    ];
+    let distances = [
+        (p_plane * yaws[0].0 + q_plane * yaws[0].1 + offset) * per_a,
+        (p_plane * yaws[1].0 + q_plane * yaws[1].1 + offset) * per_a,
+    ];
+    [
+        Yaw { cosine: yaws[0].0, sine: yaws[0].1, distance: distances[0] },
+        Yaw { cosine: yaws[1].0, sine: yaws[1].1, distance: distances[1] },
+    ]
 }

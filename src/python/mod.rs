@@ -6,6 +6,7 @@ mod batch;
 mod classes;
 mod frame;
 mod options;
+mod outputs;
 mod solvers;
 mod synthetic;
 mod threads;

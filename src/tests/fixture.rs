@@ -2,7 +2,9 @@
 
 use crate::camera::View;
 use crate::lanes::LANES;
+use crate::loss::Kernel;
 use crate::noise::NoiseModel;
+use crate::normal::{Normal, State};
 use crate::object::{MAX_MODES, ShapeModel};
 use crate::objective::Objective;
 use crate::priors::Priors;
@@ -59,6 +61,13 @@ impl Fixture {
             noise: NoiseModel { guess: 2.0, area: 1e4 },
         }
     }
+}
+
+/// Normal equations at a state.
+pub(super) fn linearised<const D: usize>(objective: &Objective, state: &State, kernel: Kernel) -> Normal<D> {
+    let mut normal = Normal::ZERO;
+    objective.linearise(state, kernel, &mut normal);
+    normal
 }
 
 /// Random numbers between -1 and 1.

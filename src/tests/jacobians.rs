@@ -2,7 +2,7 @@
 
 use nalgebra::{Rotation3, Vector3, Vector6};
 
-use super::fixture::{Fixture, NO_PRIORS, Random};
+use super::fixture::{Fixture, NO_PRIORS, Random, linearised};
 use crate::camera::{Camera, Tilt, View};
 use crate::loss::Kernel;
 use crate::normal::State;
@@ -113,14 +113,13 @@ fn of_one_point() {
     for trial in 0..200 {
         let p = Problem::random(trial);
         let (camera, pose) = (&p.view.camera, &p.state.pose);
-        let (x, pixel) = (p.mean[0], [10.0, -20.0]);
-        let analytic = point_jacobian(camera, pose, x, pixel).unwrap();
+        let x = p.mean[0];
+        let analytic = point_jacobian(camera, pose, x).unwrap();
         let residual = |pose: &Pose, x: [f64; 3]| {
             let [u, v] = camera.project(&pose.transform(x)).unwrap();
-            [u - camera.cx - pixel[0], v - camera.cy - pixel[1]]
+            [u - camera.cx, v - camera.cy]
         };
         for row in 0..2 {
-            assert_close(analytic.residual[row], residual(pose, x)[row], 1e-3, "residual");
             for k in 0..6 {
                 let at = |step| residual(&moved::<6>(&p.state, k, step).pose, x)[row];
                 assert_close(analytic.pose[row][k], (at(STEP) - at(-STEP)) / (2.0 * STEP), 100.0, "pose");
@@ -141,7 +140,7 @@ fn of_one_point() {
 fn check_gradient<const D: usize>(objective: &mut Objective, state: &State, kernel: Kernel) {
     let mut normal = |state: &State| {
         objective.set_shape(&state.coefficients);
-        objective.linearise::<D>(state, kernel)
+        linearised::<D>(objective, state, kernel)
     };
     let analytic = normal(state);
     for k in 0..D {
@@ -191,7 +190,7 @@ fn of_every_prior() {
                     block.active = Default::default();
                 }
                 check_gradient::<JOINT>(&mut o, &p.state, Kernel::LeastSquares);
-                let cost = o.linearise::<JOINT>(&p.state, Kernel::LeastSquares).cost;
+                let cost = linearised::<JOINT>(&o, &p.state, Kernel::LeastSquares).cost;
                 assert!(cost > 0.0 && (o.prior_cost(&p.state) - cost).abs() < 1e-12 * cost);
             });
             p.with_objective(MODES, priors, |mut o| check_gradient::<JOINT>(&mut o, &p.state, KERNELS[1]));
@@ -224,15 +223,15 @@ fn normal_matrix_is_the_hessian_where_residuals_vanish() {
 fn check_hessian<const D: usize>(objective: &mut Objective, state: &State) {
     let mut normal = |state: &State| {
         objective.set_shape(&state.coefficients);
-        objective.linearise::<D>(state, Kernel::LeastSquares)
+        linearised::<D>(objective, state, Kernel::LeastSquares)
     };
     let h = normal(state).h;
     for k in 0..6 + MODES.min(D - 6) {
         let (forth, back) = (normal(&moved::<D>(state, k, STEP)), normal(&moved::<D>(state, k, -STEP)));
         for i in 0..6 + MODES.min(D - 6) {
             let numeric = (forth.gradient[i] - back.gradient[i]) / (2.0 * STEP);
-            assert_close(h[i][k], numeric, 100.0 * (1.0 + (h[i][i] * h[k][k]).sqrt()), &format!("{i}, {k}"));
-            assert_eq!(h[i][k], h[k][i]);
+            let entry = h[i.min(k)][i.max(k)];
+            assert_close(entry, numeric, 100.0 * (1.0 + (h[i][i] * h[k][k]).sqrt()), &format!("{i}, {k}"));
         }
     }
 }
@@ -245,7 +244,7 @@ fn pose_by_lanes_is_the_pose_block_of_the_joint_problem() {
         for kernel in KERNELS {
             p.with_objective(MODES, p.priors()[3], |mut o| {
                 o.set_shape(&p.state.coefficients);
-                let (pose, joint) = (o.linearise::<6>(&p.state, kernel), o.linearise::<JOINT>(&p.state, kernel));
+                let (pose, joint) = (linearised::<6>(&o, &p.state, kernel), linearised::<JOINT>(&o, &p.state, kernel));
                 for i in 0..6 {
                     let scale = 1e-6 * (1.0 + pose.gradient[i].abs() + pose.h[i][i]);
                     assert_close(pose.gradient[i], joint.gradient[i], scale, "gradient");
@@ -271,10 +270,10 @@ fn of_a_point_behind_the_camera() {
     let c2 = 900.0;
     p.with_objective(0, NO_PRIORS, |mut o| {
         check_gradient::<6>(&mut o, &p.state, Kernel::Tukey { c2 });
-        let normal = o.linearise::<6>(&p.state, Kernel::Tukey { c2 });
+        let normal = linearised::<6>(&o, &p.state, Kernel::Tukey { c2 });
         assert!(normal.gradient.iter().chain(normal.h.iter().flatten()).all(|x| x.is_finite()));
-        let joint = o.linearise::<JOINT>(&p.state, Kernel::Tukey { c2 });
+        let joint = linearised::<JOINT>(&o, &p.state, Kernel::Tukey { c2 });
         assert!((normal.cost - joint.cost).abs() < 1e-9 * joint.cost);
-        assert_eq!(o.linearise::<6>(&p.state, Kernel::LeastSquares).cost, f64::INFINITY);
+        assert_eq!(linearised::<6>(&o, &p.state, Kernel::LeastSquares).cost, f64::INFINITY);
     });
 }

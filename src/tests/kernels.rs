@@ -1,6 +1,6 @@
 //! One law for every kernel: the weight is `rho'(r) / r`, near zero and far away.
 
-use crate::lanes::{LANES, Lanes};
+use crate::lanes::{LANES, Lanes, Portable};
 use crate::loss::{Kernel, tukey, tukey_lanes};
 
 /// Kernels, each with the square of its scale.
@@ -61,7 +61,7 @@ fn tukey_ends_at_its_scale() {
 fn tukey_by_lanes_is_tukey() {
     let c2 = 16.0;
     for r2 in [[0.0, 1.0, 15.9, 16.0], [16.1, 1e300, f64::INFINITY, f64::NAN]] {
-        let (rho, weight) = tukey_lanes(Lanes(r2), c2, 1.0 / c2);
+        let (rho, weight) = tukey_lanes(Portable, Lanes(r2), c2, 1.0 / c2);
         for lane in 0..LANES {
             let expected = tukey(r2[lane], c2, 1.0 / c2);
             assert!((rho.0[lane] - expected.0).abs() < 1e-15 && (weight.0[lane] - expected.1).abs() < 1e-15);

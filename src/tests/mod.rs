@@ -4,3 +4,4 @@ mod fixture;
 mod jacobians;
 mod kernels;
 mod refinement;
+mod units;
