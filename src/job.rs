@@ -74,7 +74,7 @@ const NARROWEST_TILT: f64 = 1e-5;
 
 /// The solver's 3 % of the distance is as wide as a car at 60 m. On KITTI's cars, whose boxes hold what is visible, room
 /// of one inlier threshold loses right answers, of three loses none.
-const ROOM: f64 = 6.0;
+const ROOM: f64 = 4.0;
 
 /// What a second try has to be better by (log10 of false alarms): chance has 1.2 tries in all.
 const SECOND_TRY: f64 = 0.7;
