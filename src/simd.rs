@@ -27,6 +27,19 @@ impl VectorUnit {
         }
     }
 
+    /// What the hot loops run on.
+    #[cfg(feature = "python")]
+    pub(crate) fn name(self) -> &'static str {
+        #[cfg(target_arch = "x86_64")]
+        return match self.arch {
+            pulp::x86::Arch::V4(_) => "avx512",
+            pulp::x86::Arch::V3(_) => "avx2",
+            _ => "baseline",
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        "baseline"
+    }
+
     /// Every unit of this machine, and none.
     #[cfg(all(test, feature = "std", target_arch = "x86_64"))]
     pub(crate) fn all() -> Vec<Self> {

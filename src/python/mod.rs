@@ -68,18 +68,29 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     Ok(())
 }
 
-/// How this module was built.
+/// How this module was built, and what it found on this machine.
 #[pyfunction]
 fn build_info(py: Python<'_>) -> PyResult<Bound<'_, pyo3::types::PyDict>> {
     let info = pyo3::types::PyDict::new(py);
     info.set_item("version", env!("CARGO_PKG_VERSION"))?;
     info.set_item("profile", if cfg!(debug_assertions) { "debug" } else { "release" })?;
     info.set_item("target", format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS))?;
-    let features: Vec<&str> = ["avx2", "fma", "avx512f"]
-        .into_iter()
-        .zip([cfg!(target_feature = "avx2"), cfg!(target_feature = "fma"), cfg!(target_feature = "avx512f")])
-        .filter_map(|(name, on)| on.then_some(name))
-        .collect();
-    info.set_item("compiled_target_features", features)?;
+    info.set_item("features", named(&FEATURES))?;
+    info.set_item("compiled_target_features", named(&TARGET_FEATURES))?;
+    info.set_item("vector_unit", crate::simd::VectorUnit::detect().name())?;
     Ok(info)
+}
+
+/// Cargo's features, and those of the processor that the module takes for granted everywhere.
+const FEATURES: [(&str, bool); 3] =
+    [("std", cfg!(feature = "std")), ("rayon", cfg!(feature = "rayon")), ("synthetic", cfg!(feature = "synthetic"))];
+const TARGET_FEATURES: [(&str, bool); 4] = [
+    ("avx2", cfg!(target_feature = "avx2")),
+    ("fma", cfg!(target_feature = "fma")),
+    ("avx512f", cfg!(target_feature = "avx512f")),
+    ("neon", cfg!(target_feature = "neon")),
+];
+
+fn named(switches: &[(&'static str, bool)]) -> Vec<&'static str> {
+    switches.iter().filter_map(|(name, on)| on.then_some(*name)).collect()
 }

@@ -18,7 +18,10 @@ def test_public_names_are_the_promised_ones():
         "__version__ build_info estimate_poses"
     )
     assert gp.__all__ == promised.split() == sorted(gp.__all__)
-    assert gp.__version__ == gp.build_info()["version"]
+    info = gp.build_info()
+    assert gp.__version__ == info["version"]
+    assert {"std", "rayon"} <= set(info["features"])
+    assert info["vector_unit"] in ("avx512", "avx2", "baseline")
     assert issubclass(gp.InputError, ValueError)
 
 
