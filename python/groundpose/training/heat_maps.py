@@ -52,7 +52,6 @@ class _HeatMapLosses(torch.autograd.Function):
         return entropy, means
 
     @staticmethod
-    @torch.autograd.function.once_differentiable
     def backward(ctx: Any, entropy: Tensor, means: Tensor) -> tuple[Tensor | None, ...]:
         """Gradient of the maps alone."""
         shares, mean, gaussian_x, gaussian_y, cell_x, cell_y = ctx.saved_tensors
