@@ -35,6 +35,7 @@ from groundpose.training.networks import KeypointNetwork, folded
 CHECKPOINT = "checkpoint.pt"
 _ORDER, _STEP = 1, 2  # streams of random numbers
 _COSTS = {"steps": "step", "seconds": "seconds"}
+_NOTHING_BEFORE = {"steps": 0, "seconds": 0.0}
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class Trainer:
         self.optimizer = _optimizer(self.network, config)
         self.steps = max(1, math.ceil(config.epochs * len(self.crops) / config.batch))
         self.step, self.seconds = 0, 0.0
-        self.before: dict[str, float] = {"steps": 0, "seconds": 0.0}
+        self.before: dict[str, float] = dict(_NOTHING_BEFORE)
         self._orders: dict[int, NDArray[np.intp]] = {}
         self._bf16 = config.bf16 and has_bf16()
         folder.mkdir(parents=True, exist_ok=True)
@@ -171,8 +172,7 @@ class Trainer:
                 str(initial), f"a run of {self.config.network}", repr(content["config"]["network"])
             )
         self.network.load_state_dict(content["network"])
-        earlier = content.get("before", {"steps": 0, "seconds": 0.0})
-        self.before = {name: earlier[name] + content[now] for name, now in _COSTS.items()}
+        self.before = {name: content["before"][name] + content[now] for name, now in _COSTS.items()}
 
     def _train(self, batch: Batch) -> Losses:
         """One step."""
@@ -235,7 +235,9 @@ def load_checkpoint(folder: Path) -> dict[str, Any]:
     path = folder / CHECKPOINT
     if not path.exists():
         raise input_error(str(folder), f"a training run ({CHECKPOINT})", "none")
-    return torch.load(path, map_location="cpu", weights_only=True)  # type: ignore[no-any-return]
+    content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+    # checkpoints from before runs could begin with another's weights do not say
+    return {"before": dict(_NOTHING_BEFORE)} | content
 
 
 def config_of(content: dict[str, Any]) -> TrainConfig:
