@@ -74,6 +74,16 @@ def test_softargmax():
     np.testing.assert_allclose(found.peak[0, :2], [1.0, 0.5])
 
 
+def test_of_two_hills_the_higher_is_the_place_and_the_spread_tells_both():
+    network = networks.KeypointNetwork(configs.NETWORKS["lite24"])
+    maps = torch.full((1, K, 24, 32), -1e4)
+    maps[..., 3, 5] = np.log(0.6)
+    maps[..., 3, 25] = np.log(0.4)
+    found = network.decode(networks.Raw(maps, torch.zeros(1, 4)))
+    np.testing.assert_allclose(found.keypoints[0, 0], [21.5, 13.5])
+    np.testing.assert_allclose(found.spread[0, 0], 80.0 * np.sqrt(0.6 * 0.4), rtol=1e-5)
+
+
 def test_folding_changes_nothing():
     torch.manual_seed(0)
     for name in ("toy", "res10-128x96"):
@@ -324,13 +334,15 @@ def _check_files(folder, data):
     stored = crops.Crops(data, "test", 24)
     network, config, _ = loop.trained(folder / "run")
     codec = Codec(network.config.width, network.config.height)
-    truth = answers(loop.detector(network), stored, codec).detections
+    given = answers(loop.detector(network), stored, codec)
+    truth, own = given.detections, ~np.isnan(given.errors)
     found = {name: Network(folder / name, threads=1) for name in ("smoke.onnx", "int8.onnx")}
     half, int8 = (answers(n.detect, stored, codec).detections for n in found.values())
-    assert np.abs(half.keypoints - truth.keypoints).max() < 0.2  # weights rounded to float16
+    moved = np.abs(half.keypoints - truth.keypoints).max(axis=2)[own]
+    assert np.mean(moved < 0.2) > 0.995  # weights rounded to float16: now and then another hill is the highest
     assert np.abs(half.spread - truth.spread).max() < 0.2
     assert np.abs(half.kind_probabilities - truth.kind_probabilities).max() < 2e-3
-    assert np.abs(int8.keypoints - truth.keypoints).mean() < 0.5
+    assert np.abs(int8.keypoints - truth.keypoints)[own].mean() < 0.5
     sizes = [(folder / name).stat().st_size for name in found]
     parameters = sum(p.numel() for p in network.parameters())
     assert sizes[0] < 2 * parameters + 60_000

@@ -19,8 +19,9 @@ FORMAT = "groundpose_keypoints"
 FORMAT_VERSION = "1"
 OUTPUTS = ("keypoints", "spread", "peak", "kind_probabilities")
 MODELS = Path(__file__).parent / "models"
-BUNDLED = {"default": "default.onnx", "int8": "int8.onnx"}
-"""Networks that come with the package, by name: the same one in float32 arithmetic, and quantised."""
+BUNDLED = {"default": "default.onnx", "int8": "int8.onnx", "float32": "float32.onnx"}
+"""Files that come with the package, by name. All have the same weights: "default" looks at a crop and at its
+mirror image in 8-bit arithmetic, "int8" at the crop alone, "float32" the same without quantising."""
 _NOT_BUNDLED = (
     "the bundled network is not part of this installation; give the file of one "
     "or make one with `groundpose train`"
@@ -44,8 +45,8 @@ class Network:
         """Load a network for `threads` threads (None: all cores).
 
         Args:
-            path: a file, or the name of a bundled network: "default" (also None), or "int8", the same one
-                in 8-bit arithmetic, faster and hardly worse.
+            path: a file, or the name of a bundled network: "default" (also None), the most accurate; "int8",
+                twice as fast; "float32", as good as "int8", for processors that are slow in 8 bits.
             threads: 1 or more.
 
         Raises:

@@ -19,6 +19,7 @@ class NetworkConfig:
         bottleneck: whether blocks are 1 x 1, 3 x 3, 1 x 1 (ResNet-50) or two 3 x 3.
         head: "deconv" (4 x 4 transposed convolutions at stride 2) or "fpn".
         head_widths: channels of each transposed convolution; of the pyramid's levels for "fpn".
+        reach: how far from its highest cell a map is read, as a share of the crop's width.
         gmac: billions of multiply-adds the paper states, None: not of the paper.
     """
 
@@ -30,6 +31,7 @@ class NetworkConfig:
     bottleneck: bool = False
     head: str = "fpn"
     head_widths: tuple[int, ...] = (64,)
+    reach: float = 0.1
     gmac: float | None = None
 
 
@@ -49,7 +51,8 @@ NETWORKS: dict[str, NetworkConfig] = {
     "lite48": NetworkConfig(widths=(48, 96, 192, 384)),
     "lite48-256x192": NetworkConfig(width=256, height=192, widths=(48, 96, 192, 384)),
     "res10-fpn": replace(_RES10, head="fpn"),
-    "toy": NetworkConfig(widths=(12, 24, 32, 48), head_widths=(24,)),
+    # of a few hundred steps the means of whole maps come out right before their peaks do
+    "toy": NetworkConfig(widths=(12, 24, 32, 48), head_widths=(24,), reach=1.0),
 }
 """By name."""
 

@@ -260,8 +260,7 @@ def detector(network: KeypointNetwork, mirrored: bool = False) -> Callable[[Byte
     def detect(crops: ByteArray) -> Detections:
         network.eval()
         with torch.no_grad():
-            pixels = torch.from_numpy(crops).permute(0, 3, 1, 2).float()
-            decoded = network.detect(pixels, mirrored)
+            decoded = network.detect(torch.from_numpy(crops), mirrored)
         return Detections(*(value.double().numpy() for value in decoded))
 
     return detect
