@@ -218,8 +218,8 @@ class KeypointNetwork(nn.Module):
         return Decoded(torch.stack([x, y], dim=2), spread, peak, raw.logits.softmax(dim=1))
 
     def _place(self, share: Tensor, cells: Tensor, peak: Tensor) -> tuple[Tensor, Tensor]:
-        """Along one axis, from shares (N, 53, cells) and the peak's index: the mean of the cells near the peak,
-        and the variance of all."""
+        """Along one axis the mean of the cells near the peak, and the variance of all: of shares (N, 53,
+        cells) and the index of the peak (N, 53)."""
         near = share * ((cells - cells[peak][..., None]).abs() < self.config.reach * self.config.width)
         mean = (share * cells).sum(dim=2)
         # about the mean, not E[x^2] - E[x]^2: that loses the digits of small spreads

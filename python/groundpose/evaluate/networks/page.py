@@ -106,4 +106,4 @@ def _poses(trained: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _times(trained: dict[str, Any]) -> list[dict[str, Any]]:
-    return [{"network": name, **one["object_ms"]} for name, one in trained.items()]
+    return [{"file": name, **one["object_ms"]} for name, one in trained.items()]
