@@ -72,10 +72,13 @@ def test_page_is_made_between_its_marks(tmp_path):
     path.write_text("before <!-- measured: begin -->old<!-- measured: end --> after")
     held_out = {"crops": 7.0, "class_accuracy": 0.99, "error_px": 9.0}
     held_out |= {"error_px_visible": 5.0, "error_share": 0.03}
+    errors = {"trials": 7, "mean_e_r_deg": 3.0, "median_e_r_deg": 1.2, "mean_e_t_percent": 2.5}
     trained = {
         "held_out": {"all": held_out | {"within_visible": 0.95}},
-        "poses": {"G1, true boxes": {}},
-        "object_ms": {"crop": 0.1, "all": 1.0},
+        "poses": {"G1, true boxes": {"ours, default, scores as weights": errors}},
+        "mb": 1.5,
+        "crop_ms": {"network alone, 1 thread": 2.0},
+        "object_ms": {"crop": 0.1, "network": 0.8, "all": 1.0},
     }
     page.write_page(tmp_path, {"costs": {}, "trained": {"lite": trained}})
     text = path.read_text()
@@ -83,4 +86,6 @@ def test_page_is_made_between_its_marks(tmp_path):
     assert text.endswith(" after")
     assert "old" not in text
     assert "| lite | all: 7 | 99 | 9 | 5 | 3 | 95 |" in text
+    assert "| lite | G1, true boxes | 7 | 3 / 1.2 / 2.5 |" in text
+    assert "| lite | 1.5 | 2 | 0.1 | 0.8 | 1 |" in text
     page.write_page(tmp_path / "nowhere", {})
