@@ -12,6 +12,7 @@ from groundpose.cli_bench import bench
 from groundpose.cli_estimate import estimate
 from groundpose.cli_evaluate import app as evaluate
 from groundpose.cli_experiment import experiment
+from groundpose.cli_inputs import NetworkFile
 from groundpose.cli_output import console, mistakes
 from groundpose.cli_simulate import simulate
 from groundpose.cli_train import crops, export, train
@@ -52,9 +53,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="Picture to write (.png, .svg, .pdf).")] = Path(
         "groundpose_demo.png"
     ),
-    model: Annotated[
-        Path | None, typer.Option(help="Keypoint network (.onnx).", show_default="the bundled one")
-    ] = None,
+    model: NetworkFile = None,
 ) -> None:
     """From a bundled image of a street to poses: print estimate and truth, write a picture.
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from groundpose._core import InputError, default_options
-from groundpose.cli_inputs import is_image
+from groundpose.cli_inputs import NetworkFile, is_image
 from groundpose.cli_output import FORMATS, Output, Pictures, Style, mistakes, refuse
 from groundpose.cli_run import Result, Tilt, run
 from groundpose.formats.frames import Frame, FrameSource
@@ -54,9 +54,7 @@ def estimate(
             help="The camera: KITTI, OpenCV, ROS, nuScenes, JSON; of a folder one file or a folder."
         ),
     ] = None,
-    model: Annotated[
-        Path | None, typer.Option(help="Keypoint network (.onnx).", show_default="the bundled one")
-    ] = None,
+    model: NetworkFile = None,
     min_score: Annotated[
         float | None, typer.Option(help="Leave out boxes whose score is lower.", show_default="none")
     ] = None,

@@ -12,6 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from groundpose.cli_evaluate_sets import apollo, bar, speed, tilt
+from groundpose.cli_inputs import NetworkFile
 from groundpose.cli_output import complain, console, mistakes
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def kitti(
         Keypoints,
         typer.Option(help="The network on the images, or simulated with a CNN's errors (needs no image)."),
     ] = Keypoints.NETWORK,
-    network: Annotated[Path | None, typer.Option(help="A network (.onnx); none: the bundled one.")] = None,
+    network: NetworkFile = None,
     models: Annotated[
         Models,
         typer.Option(
@@ -226,7 +227,7 @@ def figure6(
     frame: Annotated[str, typer.Option(help="Its id: 000008.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Picture to write (.png, .svg, .pdf).")],
     keypoints: Annotated[Keypoints, typer.Option(help="See evaluate kitti.")] = Keypoints.NETWORK,
-    network: Annotated[Path | None, typer.Option(help="A network (.onnx); none: the bundled one.")] = None,
+    network: NetworkFile = None,
     seed: Annotated[int, typer.Option(min=0, help="Of simulated keypoints.")] = 0,
 ) -> None:
     """The paper's Fig. 6 on a frame: RE beside HRE; inlier keypoints, 3D boxes, shapes.

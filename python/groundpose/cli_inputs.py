@@ -1,4 +1,4 @@
-"""Where images come from: a picture, a folder of pictures, a video."""
+"""Where images come from: a picture, a folder of pictures, a video; and the network that looks at them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from glob import escape
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
 from groundpose._checks import input_error
@@ -19,6 +21,14 @@ VIDEOS = frozenset((".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".m
 """Endings of names; other files of a folder are passed over."""
 
 Image = NDArray[np.uint8]
+NetworkFile = Annotated[
+    Path | None,
+    typer.Option(
+        help="Keypoint network: a file (.onnx), or one that comes with the package: default, int8 (half the "
+        "time), float32.",
+        show_default="default",
+    ),
+]
 
 
 def is_image(path: Path) -> bool:

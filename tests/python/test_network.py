@@ -4,11 +4,13 @@ import dataclasses
 import subprocess
 import sys
 from types import SimpleNamespace
+from typing import get_args
 
 import groundpose as gp
 import numpy as np
 import pytest
 from groundpose import Network, Pipeline, VehiclePoses
+from groundpose.cli_inputs import NetworkFile
 from groundpose.keypoints import network as network_module
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.keypoints.image import as_rgb
@@ -73,6 +75,14 @@ def test_files_that_are_not_ours(path, tmp_path, monkeypatch):
     for name in (None, *network_module.BUNDLED):
         with pytest.raises(FileNotFoundError, match=r"bundled network is not part .*`groundpose train`"):
             Network(name)
+
+
+def test_the_bundled_networks_are_one_and_named_in_the_help():
+    found = [Network(name, threads=1) for name in network_module.BUNDLED]
+    assert len({network.metadata["command"] for network in found}) == 1
+    assert [network.metadata["mirrored"] for network in found] == ["true", "false", "false"]
+    assert [network.metadata.get("weights") for network in found] == ["int8", "int8", None]
+    assert all(name in get_args(NetworkFile)[1].help for name in network_module.BUNDLED)
 
 
 @pytest.mark.parametrize("kind", range(len(KINDS)))

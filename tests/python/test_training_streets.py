@@ -7,7 +7,7 @@ from groundpose.evaluate.real_data import data_folder
 
 pytest.importorskip("onnx", reason="onnx is not installed (extra [train])")
 from groundpose.keypoints.pipeline import Pipeline
-from groundpose.training.streets import judge, sheet, streets, summary
+from groundpose.training.streets import judge, looks, sheet, streets, summary
 from test_network import write
 
 FOLDER = data_folder() / "kitti" / "training"
@@ -36,3 +36,19 @@ def test_frames_are_read_and_judged(tmp_path):
     assert numbers["all: class right %"] == 100.0  # the stand-in calls everything a car
     assert numbers["all: yaw above 30 deg %"] > 20.0  # and knows nothing of poses
     assert sheet(judged, columns=2).size == (512, -(-int(numbers["all: vehicles"]) // 2) * 192)
+
+
+@pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no real data at {FOLDER}")
+def test_looks_are_the_frame_and_its_mirror_image_with_moved_boxes():
+    street = streets(FOLDER)[0]
+    given, moved, mirrored, _ = looks(street, 2)
+    np.testing.assert_array_equal(given.bboxes, street.bboxes)
+    assert 0.0 < np.abs(moved.bboxes - street.bboxes).max() < 0.07 * np.ptp(street.bboxes)
+    np.testing.assert_array_equal(mirrored.image[:, 0], street.image[:, -1])
+    np.testing.assert_allclose(mirrored.R[:, 0, 2], -street.R[:, 0, 2])  # forward to the other side
+    np.testing.assert_allclose(np.linalg.det(mirrored.R), 1.0)
+    twice = looks(mirrored, 1)[1]
+    np.testing.assert_array_equal(twice.image, street.image)
+    for name in ("bboxes", "R"):
+        np.testing.assert_allclose(getattr(twice, name), getattr(street, name), atol=1e-9)
+    assert twice.view == street.view

@@ -87,7 +87,7 @@ class Pipeline:
         """Load everything once.
 
         Args:
-            network: a `Network`, the path of one, or None for the bundled one.
+            network: a `Network`, the path of one, the name of a bundled one, or None for the best of these.
             models: a shape model for each class, with that class's keypoints; None: those that ship. Classes
                 left out keep theirs.
             options: of the solver.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -44,6 +44,35 @@ class Street:
     R: FloatArray
     kinds: tuple[str, ...]
     easy: NDArray[np.bool_]
+
+
+def looks(street: Street, count: int, seed: int = 0, noise: float = 0.03) -> list[Street]:
+    """The frame and its mirror image, each `count` times: once with the boxes given, then with each side
+    moved by a share `noise` (one standard deviation) of the box's sides. Few vehicles judged so tell more.
+    """
+    rng = np.random.default_rng(seed)
+    found = []
+    for one in (street, _mirrored(street)):
+        sides = np.tile(one.bboxes[:, 2:] - one.bboxes[:, :2], 2)
+        for i in range(count):
+            shift = noise * np.clip(rng.normal(size=sides.shape), -2.0, 2.0) * sides
+            found.append(replace(one, bboxes=one.bboxes + (i > 0) * shift))
+    return found
+
+
+def _mirrored(street: Street) -> Street:
+    """What a camera without distortion sees in a mirror; vehicles are their own mirror images."""
+    camera, last = street.view.camera, street.image.shape[1] - 1.0
+    bboxes = street.bboxes.copy()
+    bboxes[:, [0, 2]] = last - street.bboxes[:, [2, 0]]
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    return replace(
+        street,
+        image=np.ascontiguousarray(street.image[:, ::-1]),
+        view=replace(street.view, camera=replace(camera, cx=last - camera.cx), roll=-street.view.roll),
+        bboxes=bboxes,
+        R=mirror @ street.R @ mirror,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,11 +204,17 @@ def main(
     data: Annotated[Path | None, typer.Option(help="folder in KITTI's object layout")] = None,
     picture: Annotated[Path | None, typer.Option("--sheet", help="contact sheet to write")] = None,
     pitch_deg: float = 0.0,
+    count: Annotated[
+        int | None, typer.Option("--looks", help="frames and mirror images so often, boxes moved about")
+    ] = None,
 ) -> None:
     """Judge a network on labelled boxes of real streets."""
     folder = data_folder() / "kitti" / "training" if data is None else data
     pipeline = Pipeline(model, threads=1)
-    judged = [judge(pipeline, street) for street in streets(folder, pitch_deg=pitch_deg)]
+    seen = streets(folder, pitch_deg=pitch_deg)
+    if count is not None:
+        seen = [look for street in seen for look in looks(street, count)]
+    judged = [judge(pipeline, street) for street in seen]
     print(json.dumps({name: round(value, 2) for name, value in summary(judged).items()}, indent=1))
     if picture is not None:
         sheet(judged).save(picture)
