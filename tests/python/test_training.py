@@ -13,6 +13,7 @@ from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices, keypoi
 
 torch = pytest.importorskip("torch", reason="torch is not installed (extra [train])")
 pytest.importorskip("onnxscript", reason="onnxscript is not installed (extra [train])")
+onnx = pytest.importorskip("onnx", reason="onnx is not installed (extra [train])")
 
 from groundpose.training import configs, crops, heat_maps, loop, networks, release  # noqa: E402
 from groundpose.training.batches import Batcher  # noqa: E402
@@ -348,6 +349,9 @@ def _check_files(folder, data):
     parameters = sum(p.numel() for p in network.parameters())
     assert sizes[0] < 2 * parameters + 60_000
     assert sizes[1] < 1 * parameters + 120_000
+    constants = [onnx.numpy_helper.to_array(w) for w in onnx.load(folder / "int8.onnx").graph.initializer]
+    weights = [w for w in constants if w.dtype == np.int8 and w.ndim == 4]
+    assert 60 < max(np.abs(w.astype(int)).max() for w in weights) <= 64  # 7 bits: sums of pairs fit 16 bits
     said = found["int8.onnx"].metadata
     assert said["command"] == "groundpose train smoke"
     assert json.loads(said["data"]) == {
