@@ -335,16 +335,13 @@ def _check_files(folder, data):
     stored = crops.Crops(data, "test", 24)
     network, config, _ = loop.trained(folder / "run")
     codec = Codec(network.config.width, network.config.height)
-    given = answers(loop.detector(network), stored, codec)
-    truth, own = given.detections, ~np.isnan(given.errors)
+    truth = answers(loop.detector(network), stored, codec).detections
     found = {name: Network(folder / name, threads=1) for name in ("smoke.onnx", "int8.onnx")}
     half, int8 = (answers(n.detect, stored, codec).detections for n in found.values())
-    moved = np.abs(half.keypoints - truth.keypoints).max(axis=2)[own]
-    # with weights rounded to float16 another hill is the highest now and then
-    assert np.mean(moved < 0.2) > 0.995
+    assert np.abs(half.keypoints - truth.keypoints).max() < 0.2  # weights rounded to float16
     assert np.abs(half.spread - truth.spread).max() < 0.2
     assert np.abs(half.kind_probabilities - truth.kind_probabilities).max() < 2e-3
-    assert np.abs(int8.keypoints - truth.keypoints)[own].mean() < 0.5
+    assert np.abs(int8.keypoints - truth.keypoints).mean() < 0.5
     sizes = [(folder / name).stat().st_size for name in found]
     parameters = sum(p.numel() for p in network.parameters())
     assert sizes[0] < 2 * parameters + 60_000

@@ -35,21 +35,21 @@ def cost(name: str) -> dict[str, Any]:
         "parameters_m": sum(p.numel() for p in network.parameters()) / 1e6,
     }
     codec = Codec(config.width, config.height)
-    crops = np.random.default_rng(0).integers(0, 255, (32, codec.height, codec.width, 3), dtype=np.uint8)
     with tempfile.TemporaryDirectory() as folder:
         full, small = Path(folder) / "full.onnx", Path(folder) / "int8.onnx"
         export(folded(network), full, metadata(codec, Calibration(), "", _DATA, {}, {}))
-        quantise(full, small, crops)
+        quantise(full, small, _noise(codec, 32))
         for weights, path in (("fp32", full), ("int8", small)):
             found[f"{weights}_mb"] = path.stat().st_size / 1e6
             for threads in THREADS:
-                found[f"{weights}_ms_{threads}_threads"] = milliseconds(path, crops[:1], threads)
+                found[f"{weights}_ms_{threads}_threads"] = milliseconds(path, threads)
     return found
 
 
-def milliseconds(path: Path, crop: ByteArray, threads: int) -> float:
+def milliseconds(path: Path, threads: int) -> float:
     """Median of calls with one crop."""
     network = Network(path, threads)
+    crop = _noise(network.codec, 1)
     for _ in range(5):
         network.detect(crop)
     times: list[float] = []
@@ -58,3 +58,7 @@ def milliseconds(path: Path, crop: ByteArray, threads: int) -> float:
         network.detect(crop)
         times.append(time.perf_counter() - start)
     return 1e3 * float(np.median(times))
+
+
+def _noise(codec: Codec, count: int) -> ByteArray:
+    return np.random.default_rng(0).integers(0, 255, (count, codec.height, codec.width, 3), dtype=np.uint8)

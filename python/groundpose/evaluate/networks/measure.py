@@ -80,11 +80,8 @@ def trained(network: Network, folder: Path, seed: int) -> dict[str, Any]:
     if frames.is_dir():
         pipeline = Pipeline(network)
         said["streets"] = summary([judge(pipeline, street) for street in streets(frames)])
-    crop = np.random.default_rng(seed).integers(
-        0, 255, (1, network.codec.height, network.codec.width, 3), np.uint8
-    )
     said["crop_ms"] = {
-        f"network alone, {n} thread{'s'[: n - 1]}": milliseconds(network.path, crop, n) for n in THREADS
+        f"network alone, {n} thread{'s'[: n - 1]}": milliseconds(network.path, n) for n in THREADS
     }
     said["object_ms"] = object_times(network.path)
     return said

@@ -16,7 +16,7 @@ PAPER = {
     "res10-128x96": (98.6, 10.05),
 }
 """Table 1 of the paper, on its own simulator's test set."""
-_ERRORS = ("mean_e_r_deg", "median_e_r_deg", "mean_e_t_percent", "mean_e_v_cm")
+_SHOWN = ("mean_e_r_deg", "median_e_r_deg", "mean_e_t_percent", "mean_e_v_cm")
 ERRORS = (
     "Mean / median rotation error in degrees / mean error of the place in %, and where shapes are found (G2) "
     "mean vertex error in cm."
@@ -27,8 +27,6 @@ _METHODS = (
     ("RNSC-P3P+HRE", "RNSC-P3P+HRE, score >= 0.1"),
     ("PoseLib tuned", "PoseLib tuned, score >= 0.1"),
 )
-
-
 TIMES = (
     "The network alone on one crop; then a whole object on one thread, from an image in memory to pose and "
     "shape, by step: the image's objects in one call, medians over calls."
@@ -116,7 +114,7 @@ def _poses(trained: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _errors(m: dict[str, Any]) -> str:
-    return " / ".join(f"{m[key]:.3g}" for key in _ERRORS if m.get(key) is not None)
+    return " / ".join(f"{m[key]:.3g}" for key in _SHOWN if m.get(key) is not None)
 
 
 def _times(trained: dict[str, Any]) -> list[dict[str, Any]]:
