@@ -1,6 +1,6 @@
 //! Writes the poses of the frame in the table beside the truth: `cargo run --release`. Only to print it needs std.
 
-use groundpose::workspace::FixedWorkspace;
+use groundpose::FixedWorkspace;
 use groundpose_embedded::frame::{FRAME, TRUTH};
 use groundpose_embedded::{estimate_frame, view};
 
