@@ -1,7 +1,7 @@
 """Vehicles made by code: 53 keypoints, four classes, bodies for pictures, shape models for estimation."""
 
-from groundpose.vehicles.body import MATERIALS, Body
-from groundpose.vehicles.catalogue import STYLES, body, keypoints_of
+from groundpose.lab.bodies.body import MATERIALS, Body
+from groundpose.lab.bodies.catalogue import STYLES, body, keypoints_of
 from groundpose.vehicles.keypoints import (
     KEYPOINTS,
     KINDS,
