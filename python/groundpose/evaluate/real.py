@@ -159,7 +159,7 @@ def main(
         sets.append(compare(objects, note))
         console.print(report.table(sets[-1]["methods"]))
     content = {
-        "command": "python -m groundpose.evaluate.real --data ../shared/data",
+        "command": "python -m groundpose.evaluate.real --data $GROUNDPOSE_DATA",
         "versions": report.versions(),
         "machine": report.machine(),
         "rivals": described(),
