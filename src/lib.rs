@@ -61,8 +61,8 @@
 //!
 //! # Three kinds of failure
 //!
-//! The caller's mistake is an [`InputError`](error::InputError) that names argument, expected and got. Data without
-//! an answer is a [`NoPose`](error::NoPose) with its reason. A panic would be a bug of this crate.
+//! The caller's mistake is an [`InputError`] that names argument, expected and got. Data without
+//! an answer is a [`NoPose`] with its reason. A panic would be a bug of this crate.
 //!
 //! # Features
 //!

@@ -2,8 +2,11 @@
 #![no_main]
 
 use arbitrary::Arbitrary;
-use groundpose::{Bbox, Camera, Estimate, Estimator, FixedWorkspace, Footprint, InputError, Observation, Options, Refinement, Scoring, ShapeModel, Solver, Tilt, View, Workspace};
 use groundpose::minimal::p1p::Cases;
+use groundpose::{
+    Bbox, Camera, Estimate, Estimator, FixedWorkspace, Footprint, InputError, Observation, Options, Refinement,
+    Scoring, ShapeModel, Solver, Tilt, View, Workspace,
+};
 use libfuzzer_sys::fuzz_target;
 
 /// Mostly numbers of an ordinary size, so that the fuzzer gets past the checks.

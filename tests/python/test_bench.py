@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from groundpose import InputError
+from groundpose.cli.main import app
 from groundpose.lab.bench import cases, races, run, scenes, sources, special
 from groundpose.lab.bench.cases import Case
 from groundpose.lab.bench.contenders import DEFAULT, LIBRARIES, TO_BEAT, Contender
 from groundpose.lab.bench.races import QUICK, Effort, Race, WrongAnswer
-from groundpose.cli.main import app
 from groundpose.lab.evaluate.scenes import generate
 from groundpose.lab.evaluate.timing import in_chunks, median_interval
 from typer.testing import CliRunner

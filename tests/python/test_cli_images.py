@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import stand_in
 from conftest import project, rotation_y
-from groundpose.cli import inputs as cli_inputs
 from groundpose import vehicles
+from groundpose.cli import inputs as cli_inputs
 from groundpose.formats.kitti.labels import format_calibration
 from groundpose.keypoints.codec import Codec
 from groundpose.vehicles.keypoints import keypoint_indices

@@ -4,7 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from groundpose.lab.metrics import angular_translation_error_deg, failed, rotation_error_deg, summarise, translation_error_percent, yaw_error_deg
+from groundpose.lab.metrics import (
+    angular_translation_error_deg,
+    failed,
+    rotation_error_deg,
+    summarise,
+    translation_error_percent,
+    yaw_error_deg,
+)
 
 
 def turned(axis: int, degrees: float) -> np.ndarray:

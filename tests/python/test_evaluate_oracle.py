@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from groundpose.lab.evaluate import oracle
-from groundpose.lab.metrics import rotation_error_deg, translation_error_percent
 from groundpose.lab.evaluate.scenes import Scenes, generate
+from groundpose.lab.metrics import rotation_error_deg, translation_error_percent
 
 
 def problem_of(scenes: Scenes) -> oracle.Problem:

@@ -4,7 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import groundpose.cli as cli
+import groundpose.cli.main as cli
 import numpy as np
 import pytest
 from groundpose.lab.evaluate.experiments import compare, entry, figures, page, run, settings, store

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import groundpose as gp
-import groundpose.cli as cli
+import groundpose.cli.main as cli
 import numpy as np
 import pytest
 from conftest import CAMERA, project

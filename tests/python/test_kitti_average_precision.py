@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from groundpose.formats.kitti.labels import KittiLabel
 from groundpose.lab.evaluate.kitti.average_precision import MEASURES, Hits, Overlaps, average_precision, judge
 from groundpose.lab.evaluate.kitti.overlap import Boxes, image_overlap, intersection_areas, space_overlaps
-from groundpose.formats.kitti.labels import KittiLabel
 
 
 def clip(polygon: list, outline: np.ndarray) -> list:

@@ -6,11 +6,18 @@ from pathlib import Path
 import groundpose as gp
 import numpy as np
 import pytest
+from groundpose.formats.kitti.dataset import KittiSet, difficulty
+from groundpose.formats.kitti.labels import (
+    KittiLabel,
+    TrackedLabel,
+    format_labels,
+    format_tracking,
+    read_labels,
+    read_tracking,
+)
+from groundpose.formats.skips import PLACES_KEPT, Skips
 from groundpose.lab.evaluate.kitti.bench import make_folder
 from groundpose.lab.evaluate.real_data import data_folder
-from groundpose.formats.kitti.dataset import KittiSet, difficulty
-from groundpose.formats.kitti.labels import KittiLabel, TrackedLabel, format_labels, format_tracking, read_labels, read_tracking
-from groundpose.formats.skips import PLACES_KEPT, Skips
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image

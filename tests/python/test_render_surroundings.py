@@ -3,6 +3,7 @@
 import groundpose as gp
 import numpy as np
 import pytest
+from groundpose.lab.bodies import MATERIALS, body
 from groundpose.lab.drive import props
 from groundpose.lab.drive.assets import SKIES, environments, skies
 from groundpose.lab.drive.render import textures
@@ -12,7 +13,6 @@ from groundpose.lab.drive.render.meshes import BODY_LEVELS, level_of, prop_level
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
 from groundpose.lab.drive.surroundings import light
 from groundpose.lab.drive.surroundings import props as beside
-from groundpose.lab.bodies import MATERIALS, body
 
 
 def test_no_sky_is_in_two_splits():

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from groundpose.lab.bodies.car import body as car
 from groundpose.lab.bodies.body import MATERIALS, Body
+from groundpose.lab.bodies.car import body as car
 from groundpose.lab.bodies.catalogue import STYLES
 from groundpose.vehicles.keypoints import keypoint_names
 

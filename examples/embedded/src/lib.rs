@@ -6,7 +6,9 @@
 pub mod classes;
 pub mod frame;
 
-use groundpose::{Bbox, Camera, Estimate, Estimator, InputError, NoPose, Observation, Options, ShapeModel, Tilt, View, Workspace};
+use groundpose::{
+    Bbox, Camera, Estimate, Estimator, InputError, NoPose, Observation, Options, ShapeModel, Tilt, View, Workspace,
+};
 
 use classes::Class;
 use frame::Detection;

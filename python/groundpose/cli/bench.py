@@ -79,11 +79,11 @@ def _bench(
     seed: int,
     fresh: bool,
 ) -> None:
+    from groundpose.draw import check_path
     from groundpose.lab.bench import baseline, tell
     from groundpose.lab.bench import figure as drawing
     from groundpose.lab.bench.cases import chosen
     from groundpose.lab.bench.races import QUICK, Effort
-    from groundpose.draw import check_path
 
     picture = figure or out.with_suffix(".png")
     check_path(picture)

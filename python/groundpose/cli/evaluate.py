@@ -123,11 +123,11 @@ def kitti(
 
       groundpose evaluate kitti --root KITTI --keypoints simulated -o kitti.json
     """
-    from groundpose.lab.evaluate.kitti.frame import Task
-    from groundpose.lab.evaluate.kitti.run import Worker, run
     from groundpose.formats.kitti.dataset import KittiSet
     from groundpose.formats.kitti.table import KittiTable
     from groundpose.formats.rerun_log import package
+    from groundpose.lab.evaluate.kitti.frame import Task
+    from groundpose.lab.evaluate.kitti.run import Worker, run
 
     with mistakes():
         if rerun is not None:
@@ -237,10 +237,10 @@ def figure6(
       groundpose evaluate figure6 --root KITTI --frame 000008 -o figure6.png
     """
     from groundpose.draw import check_path
+    from groundpose.formats.kitti.dataset import KittiSet
     from groundpose.lab.evaluate.kitti.frame import Task
     from groundpose.lab.evaluate.kitti.run import Worker
     from groundpose.lab.evaluate.kitti.show import figure6 as draw
-    from groundpose.formats.kitti.dataset import KittiSet
 
     with mistakes():
         check_path(out)

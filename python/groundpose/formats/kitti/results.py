@@ -105,7 +105,7 @@ def shaped_box(model: ShapeModel, shape_coefficients: FloatArray) -> FloatArray:
     the keypoints is. Coefficients beyond the model's own are not looked at."""
     if not model.modes:
         return model.bbox_3d
-    shape = model.keypoints_3d + np.tensordot(shape_coefficients[: model.modes], model.basis, axes=1)
+    shape = model.keypoints(shape_coefficients[: model.modes])
     before, after = np.ptp(model.keypoints_3d, axis=0), np.ptp(shape, axis=0)
     fixed = bottom_of(model)
     return np.asarray(

@@ -14,10 +14,10 @@ from typing import Annotated, Any
 import typer
 
 from groundpose._core import InputError
+from groundpose.cli.output import mistakes
 from groundpose.lab.bench import bars, stages
 from groundpose.lab.bench.bars import line
 from groundpose.lab.bench.contenders import DEFAULT, TO_BEAT
-from groundpose.cli.output import mistakes
 from groundpose.lab.evaluate import report
 
 RESULTS, PAGE = Path("results/bench.json"), Path("docs/performance.md")

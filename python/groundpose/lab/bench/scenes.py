@@ -9,8 +9,8 @@ from functools import cache, cached_property
 import numpy as np
 
 import groundpose as gp
-from groundpose.lab.evaluate.scenes import Array, Scenes
 from groundpose.lab.bodies.catalogue import outline
+from groundpose.lab.evaluate.scenes import Array, Scenes
 
 BODIES = 24
 """Cars that the shape models are made of: enough for 10 modes."""

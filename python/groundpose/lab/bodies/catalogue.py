@@ -7,11 +7,11 @@ from types import ModuleType
 import numpy as np
 
 from groundpose._checks import FloatArray, count, input_error
+from groundpose.lab.bodies.body import Body
 from groundpose.lab.bodies.box_truck import body as box_truck
 from groundpose.lab.bodies.car import body as car
 from groundpose.lab.bodies.pickup import body as pickup
 from groundpose.lab.bodies.van_bus import body as van_bus
-from groundpose.lab.bodies.body import Body
 from groundpose.vehicles.keypoints import KINDS
 
 # How often each style of a class is met; the shape models are made of the same mixture.

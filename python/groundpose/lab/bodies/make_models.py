@@ -14,8 +14,8 @@ import numpy as np
 from rich.progress import Progress
 
 from groundpose._checks import FloatArray
-from groundpose.shape import ShapeModel
 from groundpose.lab.bodies.catalogue import outline
+from groundpose.shape import ShapeModel
 from groundpose.vehicles.keypoints import KINDS, keypoint_names
 from groundpose.vehicles.shape_models import FOLDER
 

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
-from groundpose.shape import extent
+from groundpose.lab.bodies import MATERIALS, Body
 from groundpose.lab.drive import props
 from groundpose.lab.drive.scene import Prop
 from groundpose.lab.drive.silhouette import slabs
 from groundpose.lab.drive.splits import body
-from groundpose.lab.bodies import MATERIALS, Body
+from groundpose.shape import extent
 
 _BODY_SLABS = 16
 # Mirrors, antennas, lamps: parts with less surface than this (m^2) do not count for outlines.

@@ -7,10 +7,10 @@ from functools import lru_cache
 import numpy as np
 
 from groundpose._checks import count, input_error
-from groundpose.vehicles import KINDS
 from groundpose.lab.bodies import Body
 from groundpose.lab.bodies import body as make_body
 from groundpose.lab.bodies.catalogue import outline
+from groundpose.vehicles import KINDS
 
 SPLITS = ("train", "validation", "test")
 SEEDS_PER_SPLIT = 2**32

@@ -8,10 +8,10 @@ import numpy as np
 
 from groundpose.lab.evaluate import methods, oracle
 from groundpose.lab.evaluate.methods import HRE_CUBE, HRE_VEHICLE, Method, errors
-from groundpose.lab.metrics import Summary, rotation_error_deg, summarise, translation_error_percent
 from groundpose.lab.evaluate.rivals import RIVALS, Rival
 from groundpose.lab.evaluate.rows import Check, Context, Detail, Result
 from groundpose.lab.evaluate.scenes import Scenes, generate
+from groundpose.lab.metrics import Summary, rotation_error_deg, summarise, translation_error_percent
 
 OUTLIER_KINDS = ("image", "box")
 TILT_ERRORS_DEG = (-5.0, -3.0, -1.5, 0.0, 1.5, 3.0, 5.0)

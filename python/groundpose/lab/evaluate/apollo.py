@@ -7,16 +7,22 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from groundpose.formats.apollo import ApolloSet
+from groundpose.formats.kitti.table import KittiTable
+from groundpose.formats.skips import Skips
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.kitti.keypoints import Simulated
 from groundpose.lab.evaluate.kitti.objects import cars_of
 from groundpose.lab.evaluate.real import APOLLO_NOTE, compare
-from groundpose.lab.evaluate.real_data import APOLLO_TILT_DEG, RealObjects, apollo, apollo_images, apollo_library
+from groundpose.lab.evaluate.real_data import (
+    APOLLO_TILT_DEG,
+    RealObjects,
+    apollo,
+    apollo_images,
+    apollo_library,
+)
 from groundpose.lab.evaluate.rivals import described
 from groundpose.lab.evaluate.tilt import table, ways
-from groundpose.formats.apollo import ApolloSet
-from groundpose.formats.kitti.table import KittiTable
-from groundpose.formats.skips import Skips
 
 APOLLO_SPREAD_DEG = 1.6
 KITTI_SPREAD_DEG = 0.7

@@ -72,7 +72,9 @@ def run(rows: list[Row], trials: int, seed: int, console: Console) -> list[dict[
         task = progress.add_task("")
         context = Context(trials, seed, lambda text: progress.update(task, description=text))
         for row in rows:
-            command = f"python -m groundpose.lab.evaluate.bars --trials {trials} --seed {seed} --only {row.id}"
+            command = (
+                f"python -m groundpose.lab.evaluate.bars --trials {trials} --seed {seed} --only {row.id}"
+            )
             found.append(to_json(row.id, row.measure, row.run(context), command))
             _show(console, found[-1])
     return found

@@ -6,9 +6,9 @@ import numpy as np
 
 import groundpose as gp
 from groundpose import _core
-from groundpose.lab.metrics import rotation_error_deg, translation_error_percent
 from groundpose.lab.evaluate.rows import Check, Context, Result
 from groundpose.lab.evaluate.scenes import Array
+from groundpose.lab.metrics import rotation_error_deg, translation_error_percent
 
 PITCH_DEG = (-40.0, 10.0)
 ROLL_DEG = (-5.0, 5.0)

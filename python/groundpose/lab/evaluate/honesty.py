@@ -9,9 +9,9 @@ import numpy as np
 import groundpose as gp
 from groundpose.lab.evaluate import methods
 from groundpose.lab.evaluate.methods import HRE_VEHICLE, Method
-from groundpose.lab.metrics import rotation_error_deg
 from groundpose.lab.evaluate.rows import Check, Context, Detail, Result
 from groundpose.lab.evaluate.scenes import Array, Scenes, generate
+from groundpose.lab.metrics import rotation_error_deg
 
 CHI2_95_OF_6 = 12.592
 """95 % of a chi-square variable with six degrees of freedom lie below."""

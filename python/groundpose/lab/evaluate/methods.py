@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 import groundpose as gp
-from groundpose.lab.metrics import Summary, rotation_error_deg, summarise, translation_error_percent
 from groundpose.lab.evaluate.scenes import Array, Scenes
+from groundpose.lab.metrics import Summary, rotation_error_deg, summarise, translation_error_percent
 
 PRIOR_DEG = 1.5
 """The tilt prior of the V1 bar (method: refinement keeps the tilt as a prior), degrees."""

@@ -18,10 +18,15 @@ from rich.console import Console
 import groundpose as gp
 from groundpose.lab.evaluate import methods, report
 from groundpose.lab.evaluate.methods import HRE_VEHICLE, Method
-from groundpose.lab.metrics import angular_translation_error_deg, rotation_error_deg, summarise, translation_error_percent
 from groundpose.lab.evaluate.real_data import RELATIVE_THRESHOLD, RealObjects, apollo, data_folder, kitti
 from groundpose.lab.evaluate.rivals import OPENCV_EPNP, POSELIB_TUNED, RIVALS, Rival, described
 from groundpose.lab.evaluate.scenes import Array
+from groundpose.lab.metrics import (
+    angular_translation_error_deg,
+    rotation_error_deg,
+    summarise,
+    translation_error_percent,
+)
 
 KINDER = ((POSELIB_TUNED, 0.1, 4.0), (OPENCV_EPNP, 0.0, 4.0))
 """Other libraries at what was best for them on these data: lowest score kept, factor on the threshold (of
@@ -154,7 +159,7 @@ def main(
         sets.append(compare(objects, note))
         console.print(report.table(sets[-1]["methods"]))
     content = {
-        "command": "python -m groundpose.lab.evaluate.real --data ../shared/data",
+        "command": "python -m groundpose.lab.evaluate.real --data $GROUNDPOSE_DATA",
         "versions": report.versions(),
         "machine": report.machine(),
         "rivals": described(),

@@ -1,7 +1,7 @@
 """Real keypoints with known truth, in our conventions: cars of KITTI (a CNN's keypoints) and of ApolloCar3D.
 
-The files are test input and not part of this package: they are found through `--data`, the environment
-variable GROUNDPOSE_DATA, or `../shared/data` beside the repository.
+The files are test input and not part of this package: they are found through `--data` or the environment
+variable GROUNDPOSE_DATA; without either they are looked for in the folder `data`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 import groundpose as gp
-from groundpose.lab.evaluate.scenes import Array, Scene
 from groundpose.formats.apollo import CAMERAS, IMAGE_SIZE, OURS_FROM_APOLLO, ApolloImage
+from groundpose.lab.evaluate.scenes import Array, Scene
 
 RELATIVE_THRESHOLD = 0.0375
 """Inlier threshold as a share of the longer box side (paper, sec. 4.2.2)."""
@@ -36,11 +36,7 @@ MIRRORS = ("L_SideViewMirror", "R_SideViewMirror")
 
 def data_folder(given: Path | None = None) -> Path:
     """Where the real data is looked for. It need not exist."""
-    if given is not None:
-        return given
-    if "GROUNDPOSE_DATA" in os.environ:
-        return Path(os.environ["GROUNDPOSE_DATA"])
-    return Path(__file__).resolve().parents[3].parent / "shared" / "data"
+    return given or Path(os.environ.get("GROUNDPOSE_DATA", "data"))
 
 
 @dataclass(frozen=True)

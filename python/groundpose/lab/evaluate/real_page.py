@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from groundpose.lab.evaluate.report import read_json, table
 from groundpose.formats.kitti.dataset import DIFFICULTIES
+from groundpose.lab.evaluate.report import read_json, table
 
 RESULTS, PAGE = Path("results/real"), Path("docs/real_data.md")
 Content = dict[str, Any]

@@ -38,9 +38,13 @@ def machine() -> str:
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Readable, stable JSON: numbers to 6 digits, so that a rerun shows only what changed."""
+    """Readable, stable JSON: numbers to 6 digits, so that a rerun shows only what changed.
+
+    The path of the real data, if GROUNDPOSE_DATA names it, is written as `$GROUNDPOSE_DATA`: it is another
+    one on every machine.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(_rounded(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(_portable(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -51,11 +55,13 @@ def read_json(path: Path) -> dict[str, Any]:
     return content
 
 
-def _rounded(value: Any) -> Any:
+def _portable(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
+        return {key: _portable(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_rounded(item) for item in value]
+        return [_portable(item) for item in value]
+    if isinstance(value, str) and os.sep in (data := os.environ.get("GROUNDPOSE_DATA", "")):
+        return value.replace(data, "$GROUNDPOSE_DATA")
     if isinstance(value, float):
         return float(f"{value:.6g}") if math.isfinite(value) else None
     return value

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from groundpose.lab.bodies import STYLES, body
 from groundpose.lab.evaluate import report
 from groundpose.vehicles import KEYPOINTS, KINDS, keypoint_indices
-from groundpose.lab.bodies import STYLES, body
 
 INTRODUCTION = """\
 # Vehicles

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 import groundpose as gp
-from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg, summarise, yaw_error_deg
 from groundpose.lab.evaluate.real_data import RealObjects
 from groundpose.lab.evaluate.scenes import Array
+from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg, summarise, yaw_error_deg
 
 Row = dict[str, Any]
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
-from groundpose.lab.evaluate.real_data import RELATIVE_THRESHOLD
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.lab.drive import HIDDEN, VISIBLE
+from groundpose.lab.evaluate.real_data import RELATIVE_THRESHOLD
 from groundpose.lab.training.crops import Crops, Records
 
 Detect = Callable[[ByteArray], Detections]

@@ -1,7 +1,7 @@
 """A network judged on real streets: labelled KITTI frames, by number and by looking. Needs no torch.
 
-`python -m groundpose.lab.training.streets MODEL.onnx --data FOLDER --sheet sheet.png`. The frames are test input
-and not part of this package; nothing is trained on them.
+`python -m groundpose.lab.training.streets MODEL.onnx --data FOLDER --sheet sheet.png`. The frames are test
+input and not part of this package; nothing is trained on them.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from PIL import Image, ImageDraw
 
 import groundpose as gp
 from groundpose._checks import FloatArray, input_error
-from groundpose.lab.metrics import rotation_error_deg
-from groundpose.lab.evaluate.real_data import data_folder, rotation_about_y
 from groundpose.formats.kitti.labels import KIND_OF, KittiLabel, read_labels
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.image import as_rgb
 from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+from groundpose.lab.evaluate.real_data import data_folder, rotation_about_y
+from groundpose.lab.metrics import rotation_error_deg
 
 MIN_HEIGHT, MAX_TRUNCATION, MAX_OCCLUSION = 25.0, 0.15, 1
 """What is judged: boxes of this height in pixels, KITTI's truncation and occlusion."""

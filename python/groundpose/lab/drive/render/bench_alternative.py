@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from groundpose.lab.drive.assets import environments
 from groundpose.lab.bodies import MATERIALS, body
+from groundpose.lab.drive.assets import environments
 
 _SIZES = {"crop": (128, 96), "frame": (1914, 1080)}
 _REPEATS = 7

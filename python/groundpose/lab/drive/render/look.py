@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from groundpose.lab.drive.render.context import pattern
 from groundpose.lab.bodies.body import MATERIALS
+from groundpose.lab.drive.render.context import pattern
 
 Colour = tuple[float, float, float]
 

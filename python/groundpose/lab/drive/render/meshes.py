@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from groundpose.lab.bodies.body import MATERIALS, Body
 from groundpose.lab.drive import props
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.textures import layer
-from groundpose.lab.bodies.body import MATERIALS, Body
 
 Floats = NDArray[np.float32]
 Faces = NDArray[np.int32]

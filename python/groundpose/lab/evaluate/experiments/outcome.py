@@ -8,8 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, NO_ANSWER_E_T_PERCENT, rotation_error_deg, summarise, translation_error_percent
 from groundpose.lab.evaluate.scenes import Array, Scenes
+from groundpose.lab.metrics import (
+    NO_ANSWER_E_R_DEG,
+    NO_ANSWER_E_T_PERCENT,
+    rotation_error_deg,
+    summarise,
+    translation_error_percent,
+)
 
 Mask = npt.NDArray[np.bool_]
 CHUNK = 50

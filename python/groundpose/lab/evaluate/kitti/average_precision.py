@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
-from groundpose.lab.evaluate.kitti.overlap import Boxes, image_overlap, space_overlaps
 from groundpose.formats.kitti.dataset import DIFFICULTIES, LEAST_HEIGHT_PX, difficulty
 from groundpose.formats.kitti.labels import DONT_CARE, KittiLabel
+from groundpose.lab.evaluate.kitti.overlap import Boxes, image_overlap, space_overlaps
 
 Mask = NDArray[np.bool_]
 RECALLS = 40

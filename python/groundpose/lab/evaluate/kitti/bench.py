@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 import groundpose as gp
+from groundpose.formats.kitti.dataset import IMAGE_SIZE, KittiSet
+from groundpose.formats.kitti.labels import KittiLabel, format_calibration, format_labels
+from groundpose.formats.kitti.results import R_from_rotation_y, wrapped
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.kitti.frame import CAMERA_HEIGHT, Task
 from groundpose.lab.evaluate.kitti.keypoints import Simulated
 from groundpose.lab.evaluate.kitti.run import Advance, Worker, run
-from groundpose.formats.kitti.results import R_from_rotation_y, wrapped
-from groundpose.formats.kitti.dataset import IMAGE_SIZE, KittiSet
-from groundpose.formats.kitti.labels import KittiLabel, format_calibration, format_labels
 
 CAMERA = gp.Camera(721.5377, 721.5377, 609.5593, 172.854, image_size=IMAGE_SIZE)
 # name, height, width, length: KITTI's means

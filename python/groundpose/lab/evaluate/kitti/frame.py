@@ -12,18 +12,23 @@ import numpy as np
 
 import groundpose as gp
 from groundpose._checks import FloatArray, input_error
+from groundpose.formats.kitti.dataset import KittiFrame, difficulty
+from groundpose.formats.kitti.labels import KIND_OF, KittiLabel
+from groundpose.formats.kitti.results import R_from_rotation_y, bottom_centres, results
+from groundpose.formats.skips import Skips
 from groundpose.lab.evaluate.kitti.average_precision import NEIGHBOURS, Hits, Overlaps, image_boxes, judge
 from groundpose.lab.evaluate.kitti.keypoints import Found, KeypointSource
 from groundpose.lab.evaluate.kitti.methods import LOWEST_SCORE, METHODS, KittiMethod
 from groundpose.lab.evaluate.kitti.overlap import image_overlap
-from groundpose.lab.metrics import angular_translation_error_deg, rotation_error_deg, translation_error_percent, yaw_error_deg
 from groundpose.lab.evaluate.real_data import RELATIVE_THRESHOLD
 from groundpose.lab.evaluate.scenes import Scene
 from groundpose.lab.evaluate.simulated.contest import FEWEST_POINTS
-from groundpose.formats.kitti.results import R_from_rotation_y, bottom_centres, results
-from groundpose.formats.kitti.dataset import KittiFrame, difficulty
-from groundpose.formats.kitti.labels import KIND_OF, KittiLabel
-from groundpose.formats.skips import Skips
+from groundpose.lab.metrics import (
+    angular_translation_error_deg,
+    rotation_error_deg,
+    translation_error_percent,
+    yaw_error_deg,
+)
 
 CAMERA_HEIGHT = 1.65
 """Of KITTI's cameras above the road, metres."""

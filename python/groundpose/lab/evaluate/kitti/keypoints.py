@@ -14,10 +14,10 @@ import numpy.typing as npt
 
 import groundpose as gp
 from groundpose._checks import FloatArray, input_error
-from groundpose.lab.evaluate.simulated.keypoint_noise import HIDDEN, OUTSIDE, VISIBLE, Detector, Seen
-from groundpose.formats.kitti.results import R_from_rotation_y, bottom_of
 from groundpose.formats.kitti.dataset import KittiFrame
 from groundpose.formats.kitti.labels import DONT_CARE, KIND_OF, KittiLabel
+from groundpose.formats.kitti.results import R_from_rotation_y, bottom_of
+from groundpose.lab.evaluate.simulated.keypoint_noise import HIDDEN, OUTSIDE, VISIBLE, Detector, Seen
 from groundpose.vehicles import KINDS, keypoint_indices, keypoint_names, shape_model
 
 WIDTH = max(len(keypoint_indices(kind)) for kind in KINDS)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 import groundpose as gp
+from groundpose.formats.kitti.dataset import DIFFICULTIES, KittiFrames, difficulty
+from groundpose.formats.kitti.results import R_from_rotation_y, bottom_of
+from groundpose.formats.skips import Skips
 from groundpose.lab.evaluate.kitti.frame import Task, prepare
 from groundpose.lab.evaluate.kitti.keypoints import KeypointSource
 from groundpose.lab.evaluate.real_data import RealObjects
-from groundpose.formats.kitti.results import R_from_rotation_y, bottom_of
-from groundpose.formats.kitti.dataset import DIFFICULTIES, KittiFrames, difficulty
-from groundpose.formats.skips import Skips
 
 KIND = "Car"
 """One class: all have the same keypoints."""

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from groundpose.draw import Tile, contact_sheet
 from groundpose.draw.colours import BOX, GRID, INLIER, MISSING, NO_POSE, OUTLIER, POSE, POSE_LIGHT, TRUTH
+from groundpose.formats.kitti.dataset import DIFFICULTIES
+from groundpose.formats.skips import Skips
 from groundpose.lab.evaluate import html
 from groundpose.lab.evaluate.kitti.frame import estimate, prepare
 from groundpose.lab.evaluate.kitti.methods import METHODS
 from groundpose.lab.evaluate.kitti.run import Worker
 from groundpose.lab.evaluate.kitti.show import pixels_of
-from groundpose.formats.kitti.dataset import DIFFICULTIES
-from groundpose.formats.skips import Skips
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,16 +13,16 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from groundpose.formats.kitti.dataset import KittiFrames
+from groundpose.formats.kitti.labels import KittiLabel
+from groundpose.formats.kitti.results import format_result
+from groundpose.formats.skips import Skips
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.kitti.average_precision import judge
 from groundpose.lab.evaluate.kitti.frame import ERROR_COLUMNS, LABEL_COLUMNS, Task, evaluate, truth_as_results
 from groundpose.lab.evaluate.kitti.keypoints import KeypointSource
 from groundpose.lab.evaluate.kitti.store import Line, Store
 from groundpose.lab.evaluate.kitti.summary import SELF_CHECK, Collected, collect, summary
-from groundpose.formats.kitti.results import format_result
-from groundpose.formats.kitti.dataset import KittiFrames
-from groundpose.formats.kitti.labels import KittiLabel
-from groundpose.formats.skips import Skips
 
 CHECKED_FRAMES = 200
 """The labels of so many frames are put against themselves as a check of the average precision."""

@@ -12,13 +12,13 @@ import groundpose as gp
 from groundpose._checks import input_error
 from groundpose.draw.colours import FRONT, INLIER, PAPER, POSE_LIGHT
 from groundpose.draw.lines import box_lines, shape_lines
+from groundpose.formats.kitti.dataset import KittiFrame
+from groundpose.formats.kitti.results import R_from_rotation_y
+from groundpose.formats.rerun_log import RerunLog, Truth
+from groundpose.formats.skips import Skips
 from groundpose.lab.evaluate.kitti.frame import Prepared, estimate, prepare
 from groundpose.lab.evaluate.kitti.methods import METHODS
 from groundpose.lab.evaluate.kitti.run import Advance, Worker
-from groundpose.formats.kitti.results import R_from_rotation_y
-from groundpose.formats.kitti.dataset import KittiFrame
-from groundpose.formats.rerun_log import RerunLog, Truth
-from groundpose.formats.skips import Skips
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

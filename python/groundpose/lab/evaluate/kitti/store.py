@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from groundpose._checks import input_error
+from groundpose.formats.skips import Skips
 from groundpose.lab.evaluate.kitti.average_precision import Hits
 from groundpose.lab.evaluate.kitti.frame import FrameResult
-from groundpose.formats.skips import Skips
 
 DIGITS = 6
 

@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from groundpose._checks import FloatArray
+from groundpose.formats.kitti.dataset import DIFFICULTIES
+from groundpose.formats.skips import Skips
 from groundpose.lab.evaluate.kitti.average_precision import Hits, average_precision
 from groundpose.lab.evaluate.kitti.frame import ERROR_COLUMNS, LABEL_COLUMNS, Task
 from groundpose.lab.evaluate.kitti.methods import METHODS
 from groundpose.lab.evaluate.kitti.store import Line
 from groundpose.lab.metrics import FAR_OFF_E_R_DEG, NO_ANSWER_E_R_DEG, failed
-from groundpose.formats.kitti.dataset import DIFFICULTIES
-from groundpose.formats.skips import Skips
 
 Mask = npt.NDArray[np.bool_]
 Group = dict[str, Any]

@@ -1,4 +1,4 @@
-"""`python -m groundpose.lab.evaluate.networks.measure default=MODEL.onnx ... --crops data/crops`: docs/model.md.
+"""`python -m groundpose.lab.evaluate.networks.measure default=FILE.onnx ... --crops FOLDER`: docs/model.md.
 
 Costs of every network of the table, accuracy of the trained files named, poses from them, time of an object.
 What is measured already is kept unless --fresh; on a quiet machine, pinned to nothing, as times are of one
@@ -17,13 +17,13 @@ import typer
 from numpy.typing import NDArray
 from rich.console import Console
 
+from groundpose.keypoints.network import Network
+from groundpose.keypoints.pipeline import Pipeline
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.networks import poses
 from groundpose.lab.evaluate.networks.latency import THREADS, cost, milliseconds
 from groundpose.lab.evaluate.networks.page import write_page
 from groundpose.lab.evaluate.real_data import data_folder
-from groundpose.keypoints.network import Network
-from groundpose.keypoints.pipeline import Pipeline
 from groundpose.lab.training.configs import NETWORKS
 from groundpose.lab.training.crops import Crops, Records
 from groundpose.lab.training.evaluate import answers, inside_image

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from groundpose.keypoints.network import Network
+from groundpose.lab.drive import labels, scene, scene_seed
 from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.evaluate.simulated.box_noise import draw_boxes
 from groundpose.lab.evaluate.simulated.contest import Given, contestants
 from groundpose.lab.evaluate.simulated.errors import Errors, summary
 from groundpose.lab.evaluate.simulated.objects import WIDTH, Objects, counts, from_rows, row_of
-from groundpose.keypoints.network import Network
-from groundpose.lab.drive import labels, scene, scene_seed
 from groundpose.lab.training.crops import Crops
 from groundpose.lab.training.evaluate import answers
 from groundpose.vehicles import keypoint_indices, shape_model

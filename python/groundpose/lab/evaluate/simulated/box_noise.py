@@ -2,8 +2,8 @@
 
 A side is off by `shift + slope l + hypot(pixels, share l) z` pixels, l the longer side of the true box and
 z a Student t variable: the four sides of an object share its heavy tail and are correlated. Sides cut by the
-image border have a scale of their own. `python -m groundpose.lab.evaluate.simulated.fit` fits the numbers to 2923
-boxes of a real detector.
+image border have a scale of their own. `python -m groundpose.lab.evaluate.simulated.fit` fits the numbers to
+2923 boxes of a real detector.
 
 Left out: vehicles the detector misses (8 to 28 % by occlusion) and boxes with an overlap below one half. The
 pixels are those of KITTI's images (1242 wide): what is a share of l carries over to other cameras, the

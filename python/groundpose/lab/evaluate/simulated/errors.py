@@ -10,9 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, NO_ANSWER_E_T_PERCENT, rotation_error_deg, summarise, translation_error_percent
 from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.evaluate.simulated.objects import Objects
+from groundpose.lab.metrics import (
+    NO_ANSWER_E_R_DEG,
+    NO_ANSWER_E_T_PERCENT,
+    rotation_error_deg,
+    summarise,
+    translation_error_percent,
+)
 
 Mask = npt.NDArray[np.bool_]
 DISTANCES_M = (0.0, 15.0, 30.0, 50.0, np.inf)

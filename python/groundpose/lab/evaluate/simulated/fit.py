@@ -1,6 +1,6 @@
 """Where the numbers of `box_noise` and `keypoint_noise` come from.
 
-`python -m groundpose.lab.evaluate.simulated.fit` prints them; it needs the folder of real data (GROUNDPOSE_DATA).
+`python -m groundpose.lab.evaluate.simulated.fit` prints them; it needs the real data (GROUNDPOSE_DATA).
 """
 
 from __future__ import annotations
@@ -18,7 +18,17 @@ from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.real_data import data_folder, kitti
 from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.evaluate.simulated.box_noise import SIDES, BoxNoise, SideNoise, at_border, draw_boxes
-from groundpose.lab.evaluate.simulated.keypoint_noise import DOUBTFUL, EDGES, FOUND, HIDDEN, KINDS, VISIBLE, Detector, Habit, Seen
+from groundpose.lab.evaluate.simulated.keypoint_noise import (
+    DOUBTFUL,
+    EDGES,
+    FOUND,
+    HIDDEN,
+    KINDS,
+    VISIBLE,
+    Detector,
+    Habit,
+    Seen,
+)
 
 FREEDOMS = tuple(float(x) for x in np.geomspace(1.5, 12.0, 40))
 ROUNDS = 60

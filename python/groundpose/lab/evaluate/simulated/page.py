@@ -10,7 +10,16 @@ import numpy as np
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.experiments.store import Store
 from groundpose.lab.evaluate.methods import DEFAULT
-from groundpose.lab.evaluate.simulated.contest import CUT, NEVER_REFUSES, NO_SCORES, OWN, SIMPLE, SLOW, UP2P, WEIGHTS
+from groundpose.lab.evaluate.simulated.contest import (
+    CUT,
+    NEVER_REFUSES,
+    NO_SCORES,
+    OWN,
+    SIMPLE,
+    SLOW,
+    UP2P,
+    WEIGHTS,
+)
 from groundpose.lab.evaluate.simulated.fit import AGREEMENT, COMMAND, QUANTILES
 from groundpose.lab.evaluate.simulated.run import BOXES, DETECTORS, EXPERIMENTS, SETTINGS, Setting
 

@@ -1,4 +1,5 @@
-//! Writes the poses of the frame in the table beside the truth: `cargo run --release`. Only to print it needs std.
+//! Prints the poses of the frame in the table beside the truth: `cargo run --release --example print_frame`. Printing
+//! needs std, so this is an example: the crate itself builds for a board.
 
 use groundpose::FixedWorkspace;
 use groundpose_embedded::frame::{FRAME, TRUTH};
