@@ -28,7 +28,8 @@ fn the_batch_prints_a_table_of_objects_and_their_statuses() {
 
 #[test]
 fn the_embedded_program_writes_the_poses_of_its_table() {
-    let program = alone::cargo("examples/embedded", &["build", "--release"]).join("release/groundpose-embedded");
+    let built = alone::cargo("examples/embedded", &["build", "--release", "--example", "print_frame"]);
+    let program = built.join("release/examples/print_frame");
     let output = Command::new(program).output().expect("it runs");
     let printed = String::from_utf8(output.stdout).expect("text");
     assert!(output.status.success(), "{printed}");
@@ -45,12 +46,13 @@ fn the_embedded_program_writes_the_poses_of_its_table() {
     }
 }
 
+/// The commands of docs/embedded.md, as a user types them.
 #[test]
 fn the_embedded_program_is_built_for_a_microcontroller() {
     let target = "thumbv7em-none-eabihf";
     if alone::target_is_installed(target) {
-        // The library is all of it but the printing.
-        alone::cargo("examples/embedded", &["build", "--release", "--lib", "--target", target]);
+        alone::cargo("examples/embedded", &["build", "--target", target]);
+        alone::cargo("examples/embedded", &["build", "--release", "--target", target]);
     } else {
         println!("skipped: rustup target add {target}");
     }

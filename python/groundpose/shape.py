@@ -234,7 +234,7 @@ def extent(points: FloatArray) -> FloatArray:
 
 def _deformed(mean: FloatArray, coefficients: FloatArray, basis: FloatArray) -> FloatArray:
     """`mean + sum_j coefficients[j] * basis[j]`, one mode after the other: BLAS rounds as its kernel does."""
-    total = mean.copy()
+    total: FloatArray = mean.copy()
     for coefficient, mode in zip(coefficients, basis, strict=True):
         total += coefficient * mode
     return total

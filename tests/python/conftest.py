@@ -1,12 +1,17 @@
 """One image with known poses, made by numpy alone, for the tests of the Python side."""
 
 import itertools
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import groundpose as gp
 import numpy as np
 import pytest
+
+# The real data that some tests want: where GROUNDPOSE_DATA says, else beside the checkout.
+os.environ.setdefault("GROUNDPOSE_DATA", str(Path(__file__).parents[3] / "shared" / "data"))
 
 CAMERA = gp.Camera(1000.0, 990.0, 640.0, 360.0, image_size=(1280, 720))
 VIEW = gp.View(CAMERA, pitch=-0.02, roll=0.01)

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-from groundpose.evaluate import bars, report
-from groundpose.evaluate.rows import Check, Context, Result, to_json
+from groundpose.lab.evaluate import bars, report
+from groundpose.lab.evaluate.rows import Check, Context, Result, to_json
 from typer import Typer
 from typer.testing import CliRunner
 
@@ -68,3 +68,15 @@ def test_the_page_tells_what_is_missed_and_what_was_not_measured(tmp_path: Path)
     assert "missed by 0.5 (25.0 %)" in page
     assert "not measured: no such thing here" in page
     assert rows[1]["met"] is None
+
+
+def test_stored_results_name_the_folder_of_the_data_by_its_variable(tmp_path, monkeypatch):
+    """The folder is another one on every machine; the pages show the command as anyone can type it."""
+    monkeypatch.setenv("GROUNDPOSE_DATA", "/mnt/sets")
+    content = {"command": "groundpose evaluate kitti --root /mnt/sets/kitti", "rows": [0.123456789]}
+    report.write_json(tmp_path / "any.json", content)
+    kept = report.read_json(tmp_path / "any.json")
+    assert kept == {"command": "groundpose evaluate kitti --root $GROUNDPOSE_DATA/kitti", "rows": [0.123457]}
+    monkeypatch.delenv("GROUNDPOSE_DATA")
+    report.write_json(tmp_path / "any.json", content)
+    assert report.read_json(tmp_path / "any.json")["command"] == content["command"]
