@@ -15,7 +15,7 @@ import groundpose as gp
 import numpy as np
 from groundpose import demo
 from groundpose.formats.conversions import to_quaternions
-from groundpose.simulation import labels, scene, scene_seed
+from groundpose.lab.drive import labels, scene, scene_seed
 from groundpose.vehicles import KINDS, body
 from kernels import run, variants
 
