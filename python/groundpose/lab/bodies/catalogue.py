@@ -56,7 +56,7 @@ def outline(kind: str, seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 def style_of(kind: str, seed: int) -> str:
-    """The style of `body(kind, seed)`, from a random stream of its own: new frequencies do not change bodies."""
+    """The style of `body(kind, seed)`; its own random stream keeps bodies when the frequencies change."""
     if kind not in KINDS:
         raise input_error("kind", f"one of {', '.join(KINDS)}", repr(kind))
     rng = np.random.Generator(

@@ -24,7 +24,7 @@ class Spread(NamedTuple):
     slope: float = 0.0
 
     def draw(self, rng: np.random.Generator, longer: float = 0.0) -> float:
-        """One number for a vehicle `longer` metres longer than the mean, redrawn until it lies inside the limits."""
+        """One number for a vehicle `longer` metres longer than the mean, redrawn until inside the limits."""
         mean = min(max(self.mean + self.slope * longer, self.low), self.high)
         while True:
             value = float(rng.normal(mean, self.std))

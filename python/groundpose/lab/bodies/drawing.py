@@ -108,7 +108,9 @@ def _raster(
     shade, depth = np.ones((height, width)), np.full((height, width), np.inf)
     flat = (triangles[..., :2] - origin) * scale
     low, high = np.ceil(flat.min(axis=1)), np.floor(flat.max(axis=1))
-    for i in np.flatnonzero((normal[:, 2] < -1e-3) & np.all(low <= high, axis=1)):  # covers the centre of a pixel
+    for i in np.flatnonzero(
+        (normal[:, 2] < -1e-3) & np.all(low <= high, axis=1)
+    ):  # covers the centre of a pixel
         _fill(shade, depth, flat[i], triangles[i, :, 2], float(grey[i]))
     return shade, depth
 

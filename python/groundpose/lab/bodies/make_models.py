@@ -1,8 +1,8 @@
 """`python -m groundpose.lab.bodies.make_models`: shape models from the principal components of many bodies.
 
-Bodies are built in alignment: in metres, in one frame, standing on the ground with the origin under the middle
-of the box. A Procrustes alignment would remove size and position; size varies between vehicles, and a pose is
-relative to the position, so both stay.
+Bodies are built in alignment: in metres, in one frame, standing on the ground with the origin under the
+middle of the box. There is no Procrustes alignment, because it would remove size, which varies between
+vehicles, and position, to which a pose is relative.
 """
 
 from __future__ import annotations

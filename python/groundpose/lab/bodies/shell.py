@@ -1,8 +1,8 @@
 """Shells of boxy vehicles: stacked horizontal outlines; each cell of the surface has its material.
 
-A level is a rounded rectangle seen from above, at some height, with any front and rear. A level whose front is
-further back than that of the level below makes a sloping windscreen; two levels of nearly the same height make
-a bonnet. Columns run round the right half of every level from the middle of the front over the
+A level is a rounded rectangle seen from above, at some height, with any front and rear. A level whose front
+is further back than that of the level below makes a sloping windscreen; two levels of nearly the same height
+make a bonnet. Columns run round the right half of every level from the middle of the front over the
 corner and the side to the middle of the rear, so windows, lamps and doors are rectangles of cells.
 Heights are positive upwards here; points come out in the body frame (y down).
 """

@@ -195,7 +195,9 @@ def _deflector(p: Plan) -> Component:
         z = front + (rear + 0.3 - front) * fraction**1.4
         half = p.cab_half * (0.86 - 0.06 * fraction)
         rows.append(
-            Level(f"{fraction}", low + fraction * (high - low), half, z, rear, (0.25, 0.2), (0.03, 0.03), 0.06)
+            Level(
+                f"{fraction}", low + fraction * (high - low), half, z, rear, (0.25, 0.2), (0.03, 0.03), 0.06
+            )
         )
     side = np.linspace(front - 0.26, rear + 0.03, 4)
     columns = Columns(np.array([0.0, 0.5, 1.0]), side, np.array([0.0, 1.0]), float(side[0]), float(side[-1]))

@@ -154,7 +154,9 @@ def cab_levels(p: Plan) -> list[Level]:
         ("top", p.top),
     ):
         fraction = (h - p.screen) / glass
-        rows.append((name, h, 1.0 - 0.05 * fraction, foot - p.lean * fraction ** (1.0 if p.bonnet > 0.3 else 1.4)))
+        rows.append(
+            (name, h, 1.0 - 0.05 * fraction, foot - p.lean * fraction ** (1.0 if p.bonnet > 0.3 else 1.4))
+        )
     edge, end = p.cab_height - 0.04 - p.top, foot - p.lean
     rows += [
         ("eave_low", p.top + 0.35 * edge, 0.945, end - 0.05),
@@ -163,7 +165,15 @@ def cab_levels(p: Plan) -> list[Level]:
     ]
     return [
         Level(
-            name, h, p.cab_half * fraction, front, p.cab_rear + _tuck(h, p), p.corner, (0.06, 0.06), p.bow, 0.01
+            name,
+            h,
+            p.cab_half * fraction,
+            front,
+            p.cab_rear + _tuck(h, p),
+            p.corner,
+            (0.06, 0.06),
+            p.bow,
+            0.01,
         )
         for name, h, fraction, front in rows
     ]

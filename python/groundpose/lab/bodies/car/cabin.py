@@ -1,4 +1,4 @@
-"""The greenhouse of a car: windscreen, pillars, side and rear windows and roof, one shell with an outer and an inner face."""
+"""The greenhouse of a car (windscreen, pillars, side and rear windows, roof) as one shell with two faces."""
 
 from __future__ import annotations
 
@@ -89,7 +89,9 @@ def make_cabin(shape: CarShape, shell: Shell, trim: Trim) -> Cabin:
     base, top = _lower_line(shape, shell), _upper_line(shape)
     fraction = _rows(base, top)
     wall = base[:, None] + (top - base)[:, None] * fraction[..., None]
-    wall += (_curvature()[:, None] * 4.0 * fraction * (1.0 - fraction))[..., None] * _outward(base, top)[:, None]
+    wall += (_curvature()[:, None] * 4.0 * fraction * (1.0 - fraction))[..., None] * _outward(base, top)[
+        :, None
+    ]
     roof = _roof(shape, top)
     knee = _knee(wall[:, -1], top, roof[:, 0])
     points = np.concatenate([wall, knee, roof], axis=1)

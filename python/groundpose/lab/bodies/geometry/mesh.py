@@ -107,7 +107,7 @@ def both_sides(parts: Iterable[Component]) -> list[Component]:
 
 
 def assemble(components: Sequence[Component]) -> Mesh:
-    """One mesh of all components: equal positions of each merged, empty triangles dropped, normals computed."""
+    """One mesh of all components: equal positions of each merged, empty triangles dropped, with normals."""
     counts = [len(c.faces) for c in components]
     starts = np.concatenate([[0], np.cumsum([len(c.vertices) for c in components])])
     owner = np.repeat(np.arange(len(components)), np.diff(starts))

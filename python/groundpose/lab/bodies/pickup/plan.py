@@ -145,7 +145,9 @@ def cab_levels(p: Plan) -> list[Level]:
     eave = d.height - 0.03 - p.top
     for name, h in (("belt", p.belt), ("belt_cut", p.belt + 0.05), ("top_cut", p.top - 0.05), ("top", p.top)):
         fraction = (h - p.belt) / (p.top - p.belt)
-        rows.append((name, h, 0.96 - (0.96 - p.top_fraction) * fraction**1.15, p.cowl - slope * (h - p.bonnet)))
+        rows.append(
+            (name, h, 0.96 - (0.96 - p.top_fraction) * fraction**1.15, p.cowl - slope * (h - p.bonnet))
+        )
     rows += [
         ("eave", p.top + 0.62 * eave, p.top_fraction - 0.045, p.roof_front - 0.14),
         ("roof", p.top + eave, p.top_fraction - 0.17, p.roof_front - 0.34),

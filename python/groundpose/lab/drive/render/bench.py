@@ -1,7 +1,7 @@
-"""Times the renderer on one core: `python -m groundpose.lab.drive.render.bench OUT.json`.
+"""Time the renderer on one core: `python -m groundpose.lab.drive.render.bench OUT.json`.
 
-Run it pinned with one drawing thread (`LP_NUM_THREADS=1 taskset -c 1`) on a quiet machine.
-`bench_alternative.py` beside it times another package.
+Run it on a quiet machine with one drawing thread (`LP_NUM_THREADS=1 taskset -c 1`).
+`bench_alternative.py` times another package.
 """
 
 from __future__ import annotations
@@ -51,8 +51,9 @@ def main(path: str) -> None:
 
 def throughput() -> dict[str, Any]:
     """Crops as `groundpose crops` draws them, at the size of a network's crop, everything included: drive,
-    labels, bodies, shadows, drawing, camera. The frames are drawn twice: the second pass finds all bodies
-    made, as a long run does after its first minutes; what the first took more is put on all the bodies."""
+    labels, bodies, shadows, drawing, camera. The frames are drawn twice. The second pass finds all bodies in
+    the cache, as a long run does after its first minutes; the extra time of the first pass is the time to
+    make the bodies."""
     passes = []
     for _ in range(2):
         wall, start = time.perf_counter(), time.process_time()
@@ -72,7 +73,7 @@ def throughput() -> dict[str, Any]:
 
 
 def frames(renderer: Renderer) -> dict[str, Any]:
-    """CPU seconds of 1914 x 1080 frames, staged before."""
+    """CPU seconds of 1914 x 1080 frames; staging is not timed."""
     clean, full = [], []
     for drive in range(6):
         made = scene(scene_seed(drive), 0)
@@ -86,7 +87,7 @@ def frames(renderer: Renderer) -> dict[str, Any]:
 
 
 def antialiasing(renderer: Renderer) -> dict[str, Any]:
-    """One crop drawn with 4 samples a pixel, and larger to be averaged."""
+    """One crop drawn with 4 samples per pixel, and drawn larger and averaged."""
     made = scene(scene_seed(1), 0)
     window = camera.sampled_window((800.0, 450.0, 993.0, 594.0), (_CODEC.width, _CODEC.height))
     gl, staged = context(), renderer.stage(made)

@@ -10,7 +10,7 @@ struct Point {
     vec3 p, n, local, side;   // world, normal, place within the part -1 to 1, normal in the object frame
     float height;
     vec4 surface;             // albedo, roughness
-    vec4 kind;                // metal, coat, pattern, share of paint
+    vec4 kind;                // metal, coat, pattern, fraction of paint
     vec4 state;               // dirt, lamps, brake, plate
     vec4 extra;               // random number, light through a pane
     vec3 shine;

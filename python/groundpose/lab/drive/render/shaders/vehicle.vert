@@ -1,6 +1,6 @@
 uniform mat4 clip_from_world;
 uniform vec4 base[32];      // by material: albedo, roughness
-uniform vec4 layer[32];     // by material: metal, coat, pattern, share of paint
+uniform vec4 layer[32];     // by material: metal, coat, pattern, fraction of paint
 in vec3 in_position;
 in vec3 in_normal;
 in vec3 in_local;           // place within its part, -1 to 1
