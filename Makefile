@@ -43,7 +43,7 @@ lint: $(VENV)/installed-dev
 	cargo fmt --check --manifest-path examples/embedded/Cargo.toml
 	cargo clippy --quiet --all-targets --features python -- --deny warnings
 	cargo clippy --quiet --no-default-features -- --deny warnings
-	cargo clippy --quiet --all-targets --features synthetic -- --deny warnings
+	cargo clippy --quiet --all-targets -- --deny warnings
 	RUSTDOCFLAGS='--deny warnings' cargo doc --quiet --no-deps --features synthetic
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -51,7 +51,7 @@ lint: $(VENV)/installed-dev
 
 test-rust: $(BIN)/python
 	-rustup --quiet target add $(BARE_METAL)
-	cargo test --quiet --features synthetic
+	cargo test --quiet
 
 test-python: $(VENV)/installed-dev
 	$(BIN)/pytest --quiet
