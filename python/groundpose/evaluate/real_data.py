@@ -1,7 +1,7 @@
 """Real keypoints with known truth, in our conventions: cars of KITTI (a CNN's keypoints) and of ApolloCar3D.
 
-The files are test input and not part of this package: they are found through `--data` or the environment variable
-GROUNDPOSE_DATA; without either they are looked for in the folder `data`.
+The files are test input and not part of this package: `--data` or the environment variable GROUNDPOSE_DATA says
+where they are; without either they are looked for in the folder `data`.
 """
 
 from __future__ import annotations

@@ -40,8 +40,8 @@ def machine() -> str:
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Readable, stable JSON: numbers to 6 digits, so that a rerun shows only what changed.
 
-    The path of the real data, if GROUNDPOSE_DATA names it, is written as `$GROUNDPOSE_DATA`: it is another one on
-    every machine.
+    The path of the real data, if GROUNDPOSE_DATA names it, is written as `$GROUNDPOSE_DATA`: it is another one
+    on every machine.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(_portable(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
