@@ -1,6 +1,7 @@
 # Two commands do everything on a machine with Python 3.10+ and a Rust toolchain:
 #   make demo    build, estimate the bundled scene, draw it
 #   make test    all tests, lints, type checks and documentation examples
+# `make test-kernels` repeats the tests of numbers on other BLAS kernels and vector units of NumPy.
 # `make test-train` adds the tests of training and export (PyTorch, several GB).
 # `make results` measures again what docs/results.md says (half an hour on a quiet machine),
 # `make bench` what docs/performance.md says (a quarter of an hour), `make bench-compare` whether anything got slower.
@@ -16,7 +17,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src -name '*.r
 # boards without an operating system on which the crate is tried, where the toolchain and QEMU are there
 BARE_METAL := thumbv7em-none-eabihf aarch64-unknown-none
 
-.PHONY: demo test test-rust test-python test-train lint results bench bench-compare package wheel clean
+.PHONY: demo test test-rust test-python test-kernels test-train lint results bench bench-compare package wheel clean
 
 demo: $(VENV)/installed
 	$(BIN)/groundpose demo
@@ -55,6 +56,10 @@ test-rust: $(BIN)/python
 test-python: $(VENV)/installed-dev
 	$(BIN)/pytest --quiet
 
+# the tests that compare numbers, with NumPy computing as it does on other processors
+test-kernels: $(VENV)/installed-dev
+	$(BIN)/python tests/python/kernels.py
+
 # what trains and exports networks: PyTorch is several GB, so this is apart
 test-train: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[train]'
@@ -63,14 +68,14 @@ test-train: $(VENV)/installed-dev
 results: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[rivals]'
 	# a bar that is not met is a result, not a failure of make
-	-$(BIN)/python -m groundpose.evaluate.bars
-	-$(BIN)/python -m groundpose.evaluate.bars --seed 1 --only v1,e1,e1-90,e1-tilt,chance --out results/solver_seed1.json
-	$(BIN)/python -m groundpose.evaluate.real
+	-$(BIN)/python -m groundpose.lab.evaluate.bars
+	-$(BIN)/python -m groundpose.lab.evaluate.bars --seed 1 --only v1,e1,e1-90,e1-tilt,chance --out results/solver_seed1.json
+	$(BIN)/python -m groundpose.lab.evaluate.real
 
 bench: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[rivals]'
 	$(BIN)/groundpose bench --instructions --native --fresh -o results/bench.json --figure docs/performance.png --save-baseline results/bench_baseline.json
-	$(BIN)/python -m groundpose.bench.page
+	$(BIN)/python -m groundpose.lab.bench.page
 
 bench-compare: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[rivals]'

@@ -7,7 +7,7 @@ mod common;
 use common::with_objects;
 use common::{CUBE_50, CUBE_90, CUBE_90_BOX, Setting, VEHICLE, VEHICLE_5, VEHICLE_10, assert_right, named, searches};
 use divan::Bencher;
-use groundpose::workspace::GrowingWorkspace;
+use groundpose::GrowingWorkspace;
 
 const SETTINGS: [&Setting; 6] = [&VEHICLE, &VEHICLE_5, &VEHICLE_10, &CUBE_50, &CUBE_90, &CUBE_90_BOX];
 

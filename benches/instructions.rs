@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use common::{CUBE_50, CUBE_90, Method, Methods, Objects, Setting, VEHICLE, VEHICLE_5, VEHICLE_10};
 use common::{Work, assert_right, searches, stages, whole, with_objects};
-use groundpose::workspace::GrowingWorkspace;
+use groundpose::GrowingWorkspace;
 
 /// Timed passes over all objects; the median counts.
 const PASSES: usize = 31;

@@ -7,7 +7,7 @@ mod common;
 
 use common::{CUBE_50, Setting, VEHICLE, VEHICLE_5, assert_right, named, stages, with_objects};
 use divan::Bencher;
-use groundpose::workspace::GrowingWorkspace;
+use groundpose::GrowingWorkspace;
 
 const SETTINGS: [&Setting; 3] = [&VEHICLE, &VEHICLE_5, &CUBE_50];
 

@@ -5,8 +5,7 @@ use core::fmt;
 /// A value the caller passed is not what the argument takes.
 ///
 /// ```
-/// use groundpose::error::{Got, InputError};
-/// use groundpose::object::Bbox;
+/// use groundpose::{Bbox, Got, InputError};
 ///
 /// let error: InputError = Bbox::new([700.0, 400.0, 500.0, 600.0]).unwrap_err();
 /// assert_eq!((error.argument, error.got), ("bbox", Got::Pair(700.0, 500.0)));
@@ -25,7 +24,7 @@ pub struct InputError {
 /// What an argument was instead of what it takes.
 ///
 /// ```
-/// use groundpose::error::Got;
+/// use groundpose::Got;
 ///
 /// assert_eq!(Got::Count(3).to_string(), "3");
 /// assert_eq!(Got::Text("NaN or infinite").to_string(), "NaN or infinite");
@@ -70,7 +69,7 @@ pub(crate) fn require(ok: bool, argument: &'static str, expected: &'static str, 
 /// Why an object has no pose. The data has no answer; nobody made a mistake.
 ///
 /// ```
-/// use groundpose::error::NoPose;
+/// use groundpose::NoPose;
 ///
 /// assert_eq!(NoPose::NoConsensus.name(), "no_consensus");
 /// // The numbers are those of `status` in Python and in files.

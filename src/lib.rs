@@ -9,12 +9,7 @@
 //! # One object, no allocation
 //!
 //! ```
-//! use groundpose::camera::{Camera, Tilt, View};
-//! use groundpose::estimate::Estimator;
-//! use groundpose::object::{Bbox, ShapeModel};
-//! use groundpose::observation::Observation;
-//! use groundpose::options::Options;
-//! use groundpose::workspace::{FixedWorkspace, Workspace};
+//! use groundpose::{Bbox, Camera, Estimator, FixedWorkspace, Observation, Options, ShapeModel, Tilt, View, Workspace};
 //!
 //! // A car, metres: wheels, headlights, rear lights, corners of the roof; origin on the ground below its middle.
 //! const KEYPOINTS_3D: [[f64; 3]; 12] = [
@@ -66,8 +61,8 @@
 //!
 //! # Three kinds of failure
 //!
-//! The caller's mistake is an [`InputError`](error::InputError) that names argument, expected and got. Data without
-//! an answer is a [`NoPose`](error::NoPose) with its reason. A panic would be a bug of this crate.
+//! The caller's mistake is an [`InputError`] that names argument, expected and got. Data without
+//! an answer is a [`NoPose`] with its reason. A panic would be a bug of this crate.
 //!
 //! # Features
 //!
@@ -83,46 +78,39 @@
 //! Without default features the crate needs neither std nor an allocator.
 #![cfg_attr(not(feature = "std"), no_std)]
 
-#[cfg(all(feature = "std", target_arch = "x86_64"))]
-mod avx;
-#[cfg(feature = "rayon")]
-pub mod batch;
-pub mod camera;
-mod consensus;
-pub mod covariance;
 pub mod error;
 pub mod estimate;
-pub mod frame;
-mod hypothesise;
-mod job;
-mod joint_sums;
-mod lanes;
-mod lm;
-pub mod loss;
-mod math;
+pub mod geometry;
 pub mod minimal;
-mod noise;
-mod normal;
-pub mod object;
-mod objective;
-pub mod observation;
-pub mod options;
-mod outermost;
-mod points;
-pub mod pose;
-mod pose_sums;
-mod priors;
+pub mod model;
 #[cfg(feature = "python")]
 mod python;
-pub mod ransac;
 pub mod refine;
-mod residual;
-mod sampler;
-pub mod score;
-mod sides;
+pub mod search;
 mod simd;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;
 #[cfg(all(test, feature = "std"))]
 mod tests;
-pub mod workspace;
+
+pub use error::{Got, InputError, NoPose};
+#[cfg(feature = "rayon")]
+pub use estimate::batch::OBJECTS_PER_TASK;
+pub use estimate::estimator::{Estimate, Estimator};
+pub use estimate::frame_tilt::{FrameTilt, UpAxis, frame_tilt};
+pub use estimate::options::{Options, Solver};
+#[cfg(feature = "std")]
+pub use estimate::workspace::GrowingWorkspace;
+pub use estimate::workspace::{Buffers, FixedWorkspace, Workspace};
+pub use geometry::bbox::Bbox;
+pub use geometry::camera::Camera;
+pub use geometry::footprint::{Footprint, MAX_CORNERS};
+pub use geometry::pose::Pose;
+pub use geometry::view::{Tilt, View};
+pub use model::observation::Observation;
+pub use model::shape_model::{MAX_MODES, ShapeModel};
+pub use refine::covariance::{PoseCovariance, ShapeCovariance};
+pub use refine::kernels::Kernel;
+pub use refine::schedule::{MAX_STAGES, Refinement, StageStatistics};
+pub use search::ransac::{RansacStatistics, StopReason};
+pub use search::score::Scoring;

@@ -5,11 +5,12 @@
 
 use nalgebra::Vector3;
 
-use crate::camera::{Camera, Tilt, View};
 use crate::error::{Got, InputError, require};
-use crate::math::{cos, log, sqrt};
-use crate::pose::Pose;
-use crate::sampler::Stream;
+use crate::geometry::camera::Camera;
+use crate::geometry::math::{cos, log, sqrt};
+use crate::geometry::pose::Pose;
+use crate::geometry::view::{Tilt, View};
+use crate::search::sampler::Stream;
 
 /// Which scenes.
 ///
@@ -76,7 +77,7 @@ pub enum BboxError {
 /// assert_eq!(scene.keypoints_2d.len(), scene.keypoints_3d.len());
 /// assert!(scene.is_inlier.iter().any(|&inlier| !inlier));
 /// assert_eq!(scene.pose, protocol.scene(0, 7).pose, "trial 7 of seed 0 is always the same");
-/// # Ok::<(), groundpose::error::InputError>(())
+/// # Ok::<(), groundpose::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Protocol {
@@ -270,8 +271,7 @@ impl Protocol {
 /// Extent of the eight projected corners of a 3D box; `None` when one is behind the camera.
 ///
 /// ```
-/// use groundpose::camera::{Camera, Tilt, View};
-/// use groundpose::pose::Pose;
+/// use groundpose::{Camera, Pose, Tilt, View};
 /// use groundpose::synthetic::projected_bbox;
 ///
 /// let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt::default())?;
@@ -280,7 +280,7 @@ impl Protocol {
 /// assert_eq!(projected_bbox(&view.camera, &ahead, &cube), Some([860.0, 440.0, 1060.0, 640.0]));
 /// let behind = Pose::upright(&view, 0.0, [0.0, 0.0, -11.0].into());
 /// assert_eq!(projected_bbox(&view.camera, &behind, &cube), None);
-/// # Ok::<(), groundpose::error::InputError>(())
+/// # Ok::<(), groundpose::InputError>(())
 /// ```
 #[must_use]
 pub fn projected_bbox(camera: &Camera, pose: &Pose, bbox_3d: &[[f64; 3]; 2]) -> Option<[f64; 4]> {
@@ -298,6 +298,6 @@ impl Stream {
     pub(crate) fn normal_pair(&mut self) -> [f64; 2] {
         let radius = sqrt(-2.0 * log(1.0 - self.uniform()));
         let angle = 2.0 * core::f64::consts::PI * self.uniform();
-        [radius * cos(angle), radius * crate::math::sin(angle)]
+        [radius * cos(angle), radius * crate::geometry::math::sin(angle)]
     }
 }

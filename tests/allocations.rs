@@ -4,11 +4,8 @@
 mod common;
 
 use common::{Case, Random};
-use groundpose::estimate::Estimator;
-use groundpose::options::{Options, Solver};
-use groundpose::refine::Refinement;
 use groundpose::synthetic::{Kind, Protocol};
-use groundpose::workspace::{FixedWorkspace, GrowingWorkspace, Workspace};
+use groundpose::{Estimator, FixedWorkspace, GrowingWorkspace, Options, Refinement, Solver, Workspace};
 
 /// Allocations of estimating every object once, and the number of answers.
 fn allocations(cases: &[Case], options: Options, workspace: &mut impl Workspace) -> (u64, usize) {

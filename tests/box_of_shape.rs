@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Case, Random, angle_deg};
-use groundpose::options::Options;
+use groundpose::Options;
 use groundpose::synthetic::projected_bbox;
 
 /// Standard deviation of the half length, metres.

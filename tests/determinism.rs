@@ -4,13 +4,11 @@
 mod common;
 
 use common::{Case, Random};
-use groundpose::error::NoPose;
-use groundpose::estimate::{Estimate, Estimator};
-use groundpose::object::{Bbox, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::options::{Options, Solver};
 use groundpose::synthetic::{Kind, Protocol};
-use groundpose::workspace::{FixedWorkspace, GrowingWorkspace, Workspace};
+use groundpose::{
+    Bbox, Estimate, Estimator, FixedWorkspace, GrowingWorkspace, NoPose, Observation, Options, ShapeModel, Solver,
+    Workspace,
+};
 use rayon::ThreadPoolBuilder;
 
 /// Objects of many sizes, with and without shape, scores and box, some without an answer.

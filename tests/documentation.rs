@@ -5,20 +5,25 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Files of the modules that `lib.rs` makes public, and of those in the module `minimal`.
+/// Files of the modules that `lib.rs` makes public and, for a room, of the modules that it makes public.
 fn public_files() -> Vec<PathBuf> {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let public = |file: &str| -> Vec<String> {
-        let text = fs::read_to_string(src.join(file)).expect("text");
+    let public = |file: &Path| -> Vec<String> {
+        let text = fs::read_to_string(file).expect("text");
         let names = text.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';').map(str::to_owned));
         names.collect()
     };
-    let folders: Vec<_> = public("minimal/mod.rs").iter().map(|name| src.join(format!("minimal/{name}.rs"))).collect();
-    let plain = public("lib.rs").into_iter().map(|name| match name.as_str() {
-        "minimal" => src.join("minimal/mod.rs"),
-        _ => src.join(format!("{name}.rs")),
-    });
-    plain.chain(folders).collect()
+    let mut files = vec![];
+    for name in public(&src.join("lib.rs")) {
+        let room = src.join(&name).join("mod.rs");
+        if room.is_file() {
+            files.extend(public(&room).iter().map(|file| src.join(format!("{name}/{file}.rs"))));
+            files.push(room);
+        } else {
+            files.push(src.join(format!("{name}.rs")));
+        }
+    }
+    files
 }
 
 /// Words of the examples in a file's comments; a block of another language is no example.

@@ -6,14 +6,11 @@ mod common;
 use std::collections::BTreeSet;
 
 use common::{Case, Random};
-use groundpose::camera::{Camera, Tilt, View};
-use groundpose::error::{InputError, NoPose};
-use groundpose::estimate::Estimator;
-use groundpose::object::{Bbox, Footprint, MAX_CORNERS, MAX_MODES, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::options::{Options, Solver};
 use groundpose::synthetic::{Kind, Protocol};
-use groundpose::workspace::FixedWorkspace;
+use groundpose::{
+    Bbox, Camera, Estimator, FixedWorkspace, Footprint, InputError, MAX_CORNERS, MAX_MODES, NoPose, Observation,
+    Options, ShapeModel, Solver, Tilt, View,
+};
 
 const NAN: f64 = f64::NAN;
 const INF: f64 = f64::INFINITY;

@@ -4,14 +4,11 @@
 mod common;
 
 use common::{Case, Random, angle_deg};
-use groundpose::camera::Camera;
 use groundpose::minimal::MinimalSolver;
 use groundpose::minimal::p1p::{Cases, P1p};
 use groundpose::minimal::p3p::P3p;
 use groundpose::minimal::up2p::Up2p;
-use groundpose::object::{Bbox, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::pose::Pose;
+use groundpose::{Bbox, Camera, Observation, Pose, ShapeModel};
 use nalgebra::Vector3;
 
 /// Number of scenes; more with `GROUNDPOSE_SCENES=1000000 cargo test --test guarantee`.

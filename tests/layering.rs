@@ -1,107 +1,116 @@
-//! Data flows one way and so do imports: a file uses only what stands above it in this list.
+//! Data flows one way and so do imports: a room uses only rooms above it, a file of a room only files above it.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-/// Modules from the bottom of the house to its roof. Below `minimal` its parts, in their own order.
-const ORDER: [&str; 41] = [
-    "error",
-    "math",
-    "lanes",
-    "avx",
-    "simd",
-    "object",
-    "camera",
-    "pose",
-    "observation",
-    "minimal",
-    "p1p",
-    "p1p_height",
-    "up2p",
-    "p3p",
-    "residual",
-    "loss",
-    "outermost",
-    "sides",
-    "normal",
-    "pose_sums",
-    "joint_sums",
-    "score",
-    "sampler",
-    "ransac",
-    "noise",
-    "consensus",
-    "workspace",
-    "priors",
-    "objective",
-    "lm",
-    "refine",
-    "options",
-    "points",
-    "hypothesise",
-    "covariance",
-    "job",
-    "estimate",
-    "frame",
-    "batch",
-    "synthetic",
-    "python",
+/// The rooms from the ground to the roof, each with its files in the same order. A room without files is one file.
+const ROOMS: [(&str, &[&str]); 10] = [
+    ("error", &[]),
+    ("geometry", &["math", "bbox", "footprint", "camera", "view", "pose"]),
+    ("model", &["shape_model", "observation"]),
+    ("simd", &["lanes", "avx", "dispatch", "blocks"]),
+    ("minimal", &["p1p", "p1p_height", "up2p", "p3p"]),
+    ("search", &["score", "sampler", "ransac", "noise", "false_alarms"]),
+    (
+        "refine",
+        &[
+            "kernels",
+            "box_extremes",
+            "box_sides",
+            "normal",
+            "normal_pose",
+            "normal_joint",
+            "priors",
+            "objective",
+            "lm",
+            "schedule",
+            "covariance",
+        ],
+    ),
+    ("estimate", &["workspace", "options", "points", "hypothesise", "job", "estimator", "frame_tilt", "batch"]),
+    ("synthetic", &[]),
+    ("python", &[]),
 ];
+/// Files directly in `src/` beside the rooms: the front door, tests of what is private.
+const BESIDE: [&str; 2] = ["lib", "tests"];
 
-/// Rust files of a folder and of the folders in it, with the module each belongs to.
-fn files(folder: &Path, found: &mut Vec<(String, String)>) {
-    for entry in fs::read_dir(folder).expect("a folder") {
-        let path = entry.expect("an entry").path();
-        let name = path.file_stem().expect("a name").to_str().expect("ASCII").to_owned();
-        if path.is_dir() {
-            // Tests of what is private stand outside the house.
-            if name != "tests" {
-                files(&path, found);
-            }
-        } else if name != "lib" {
-            let parent = folder.file_name().expect("a name").to_str().expect("ASCII");
-            let module = match (parent, name.as_str()) {
-                ("python", _) | (_, "mod") => parent.to_owned(),
-                _ => name,
-            };
-            found.push((module, fs::read_to_string(&path).expect("text")));
-        }
-    }
+/// A place in the house: number of the room, number of the file in it.
+type Place = (usize, usize);
+
+/// Where a path `room::file` leads; a room's own file (`mod.rs`) and what is no module stand at its ground.
+fn place(room: &str, file: &str) -> Option<Place> {
+    let number = ROOMS.iter().position(|(name, _)| *name == room)?;
+    Some((number, ROOMS[number].1.iter().position(|name| *name == file).map_or(0, |k| k + 1)))
 }
 
-/// Modules named after `crate::` or `super::` in the code (not in comments, not in a file's own tests).
-fn uses(text: &str) -> BTreeSet<&str> {
-    let code = text.split("#[cfg(test)]").next().unwrap_or(text);
-    let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
-    let mut modules = BTreeSet::new();
-    for line in lines {
-        assert!(!line.contains("use crate::{"), "one line for each module: {line}");
-        for rest in ["crate::", "super::"].into_iter().flat_map(|start| line.split(start).skip(1)) {
-            let end = rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
-            modules.insert(&rest[..end]);
+/// Every file of a room, with its path as `room::file` and its text.
+fn files() -> Vec<(String, String, String)> {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = vec![];
+    for entry in fs::read_dir(&source).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let room = path.file_stem().expect("a name").to_str().expect("ASCII").to_owned();
+        if BESIDE.contains(&room.as_str()) {
+            continue;
+        }
+        if path.is_file() {
+            found.push((room, String::new(), fs::read_to_string(&path).expect("text")));
+            continue;
+        }
+        for file in fs::read_dir(&path).expect("a room") {
+            let file = file.expect("an entry").path();
+            let name = file.file_stem().expect("a name").to_str().expect("ASCII").to_owned();
+            found.push((room.clone(), name, fs::read_to_string(&file).expect("text")));
         }
     }
-    modules
+    found
+}
+
+/// Paths `room::file` that the code names after `crate::` or `super::` (not in comments, not in a file's own tests).
+fn uses<'a>(room: &'a str, text: &'a str) -> BTreeSet<(&'a str, &'a str)> {
+    let code = text.split("#[cfg(test)]").next().unwrap_or(text);
+    let mut paths = BTreeSet::new();
+    for line in code.lines().filter(|line| !line.trim_start().starts_with("//")) {
+        assert!(!line.contains("use crate::{"), "one line for each module: {line}");
+        let mut words = |rest: &'a str, above: Option<&'a str>| {
+            let end = rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != ':').unwrap_or(rest.len());
+            let mut words = above.into_iter().chain(rest[..end].split("::"));
+            paths.insert((words.next().unwrap_or_default(), words.next().unwrap_or_default()));
+        };
+        line.split("crate::").skip(1).for_each(|rest| words(rest, None));
+        line.split("super::").skip(1).for_each(|rest| words(rest, Some(room)));
+    }
+    paths
 }
 
 #[test]
-fn files_use_only_what_stands_above_them() {
-    let place = |module: &str| ORDER.iter().position(|&m| m == module);
-    let mut found = vec![];
-    files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut found);
-    assert!(found.len() > 25, "{}", found.len());
+fn rooms_and_files_use_only_what_stands_above_them() {
+    let files = files();
     let mut wrong = BTreeSet::new();
-    for (module, text) in &found {
-        let own = place(module).unwrap_or_else(|| panic!("{module} has no place in ORDER"));
-        for used in uses(text) {
-            // A name that is no module is an item of the parent.
-            if place(used).is_some_and(|other| other >= own && used != module) {
-                wrong.insert((module.as_str(), used));
+    let mut known = BTreeSet::new();
+    for (room, file, text) in &files {
+        let own = place(room, file).unwrap_or_else(|| panic!("{room} is no room of ROOMS"));
+        if file != "mod" && !file.is_empty() && !ROOMS[own.0].1.is_empty() {
+            assert!(own.1 > 0, "{room}/{file} has no place in ROOMS");
+            known.insert((room.as_str(), file.as_str()));
+        }
+        for (other_room, other_file) in uses(room, text) {
+            let is_wrong = |other: Place| other.0 > own.0 || (other.0 == own.0 && file != "mod" && other.1 > own.1);
+            if place(other_room, other_file).is_some_and(is_wrong) {
+                wrong.insert((room.as_str(), file.as_str(), other_room, other_file));
             }
         }
     }
     assert_eq!(wrong, BTreeSet::new(), "uses that go the wrong way");
-    let known: BTreeSet<&str> = found.iter().map(|(module, _)| module.as_str()).collect();
-    assert_eq!(known, BTreeSet::from(ORDER), "modules in ORDER");
+    let listed: BTreeSet<_> = ROOMS.iter().flat_map(|(room, files)| files.iter().map(|file| (*room, *file))).collect();
+    assert_eq!(known, listed, "files in ROOMS");
+}
+
+#[test]
+fn few_files_stand_outside_the_rooms() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let outside =
+        fs::read_dir(source).expect("a folder").filter(|entry| entry.as_ref().expect("an entry").path().is_file());
+    assert!(outside.count() <= 4);
 }

@@ -4,12 +4,8 @@
 mod common;
 
 use common::{Case, Random, assert_same_pose};
-use groundpose::camera::{Camera, Tilt, View};
-use groundpose::estimate::Estimate;
-use groundpose::options::{Options, Solver};
-use groundpose::pose::Pose;
-use groundpose::refine::Refinement;
 use groundpose::synthetic::{Kind, Outliers, Protocol};
+use groundpose::{Camera, Estimate, Options, Pose, Refinement, Solver, Tilt, View};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// Objects of both kinds, half of them with scores, some with shape.

@@ -5,8 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use groundpose::options::{Options, Solver};
-use groundpose::workspace::FixedWorkspace;
+use groundpose::{FixedWorkspace, Options, Solver};
 
 mod alone;
 #[path = "../probe/src/scene.rs"]

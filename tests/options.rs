@@ -5,10 +5,8 @@ mod common;
 
 use common::{Case, Random};
 use groundpose::minimal::p1p::Cases;
-use groundpose::options::{Options, Solver};
-use groundpose::refine::Refinement;
-use groundpose::score::Scoring;
 use groundpose::synthetic::{Kind, Outliers, Protocol};
+use groundpose::{Options, Refinement, Scoring, Solver};
 
 /// Objects with scores and shape, and few enough inliers that chance matters.
 fn cases() -> Vec<Case> {

@@ -4,16 +4,12 @@
 mod common;
 
 use common::{Case, Random};
-use groundpose::camera::{Camera, Tilt, View};
-use groundpose::error::{InputError, NoPose};
-use groundpose::estimate::{Estimate, Estimator};
 use groundpose::minimal::p1p::Cases;
-use groundpose::options::{Options, Solver};
-use groundpose::pose::Pose;
-use groundpose::refine::Refinement;
-use groundpose::score::Scoring;
 use groundpose::synthetic::{Kind, Outliers, Protocol};
-use groundpose::workspace::{GrowingWorkspace, Workspace};
+use groundpose::{
+    Camera, Estimate, Estimator, GrowingWorkspace, InputError, NoPose, Options, Pose, Refinement, Scoring, Solver,
+    Tilt, View, Workspace,
+};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;

@@ -1,16 +1,12 @@
 //! The core against values of an independent NumPy implementation: `tests/reference/values.json`, whose schema
 //! stands at the top of `tests/reference/make_values.py`. Its refinement part is tested inside the crate.
 
-use groundpose::camera::{Camera, Tilt, View};
-use groundpose::loss::Kernel;
 use groundpose::minimal::MinimalSolver;
 use groundpose::minimal::p1p::{Cases, P1p};
 use groundpose::minimal::p1p_height::P1pHeight;
 use groundpose::minimal::p3p::P3p;
 use groundpose::minimal::up2p::Up2p;
-use groundpose::object::{Bbox, Footprint, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::pose::Pose;
+use groundpose::{Bbox, Camera, Footprint, Kernel, Observation, Pose, ShapeModel, Tilt, View};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
 

@@ -4,9 +4,8 @@
 mod common;
 
 use common::{Case, Random, angle_deg};
-use groundpose::options::{Options, Solver};
-use groundpose::refine::Refinement;
 use groundpose::synthetic::{Kind, Protocol};
+use groundpose::{Options, Refinement, Solver};
 
 const OBJECTS: u64 = 300;
 

@@ -3,16 +3,12 @@
 
 use std::hint::black_box;
 
-use groundpose::camera::{Tilt, View};
-use groundpose::estimate::{Estimate, Estimator};
 use groundpose::minimal::MinimalSolver;
 use groundpose::minimal::p1p::{Cases, P1p};
-use groundpose::object::{Bbox, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::options::{Options, Solver};
-use groundpose::refine::Refinement;
 use groundpose::synthetic::{Kind, Outliers, Protocol, Scene};
-use groundpose::workspace::GrowingWorkspace;
+use groundpose::{
+    Bbox, Estimate, Estimator, GrowingWorkspace, Observation, Options, Refinement, ShapeModel, Solver, Tilt, View,
+};
 
 /// Objects of one kind.
 pub struct Setting {
@@ -146,7 +142,7 @@ impl Work {
     }
 }
 
-fn each_hypothesis(objects: &Objects, index: usize, mut emit: impl FnMut(groundpose::pose::Pose)) {
+fn each_hypothesis(objects: &Objects, index: usize, mut emit: impl FnMut(groundpose::Pose)) {
     let (view, observation) = (&objects.view, &objects.observations[index]);
     let bbox = observation.bbox().expect("a box");
     let solver = P1p::new(view, observation, &bbox, Cases::All);

@@ -5,13 +5,8 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::time::Instant;
 
-use groundpose::camera::{Tilt, View};
-use groundpose::error::{InputError, NoPose};
-use groundpose::estimate::{Estimate, Estimator};
-use groundpose::object::{Bbox, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::options::Options;
 use groundpose::synthetic::{Kind, Protocol, Scene};
+use groundpose::{Bbox, Estimate, Estimator, InputError, NoPose, Observation, Options, ShapeModel, Tilt, View};
 
 const OBJECTS: u64 = 1000;
 /// Rows of the table.

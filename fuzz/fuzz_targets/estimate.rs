@@ -2,16 +2,11 @@
 #![no_main]
 
 use arbitrary::Arbitrary;
-use groundpose::camera::{Camera, Tilt, View};
-use groundpose::error::InputError;
-use groundpose::estimate::{Estimate, Estimator};
 use groundpose::minimal::p1p::Cases;
-use groundpose::object::{Bbox, Footprint, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::options::{Options, Solver};
-use groundpose::refine::Refinement;
-use groundpose::score::Scoring;
-use groundpose::workspace::{FixedWorkspace, Workspace};
+use groundpose::{
+    Bbox, Camera, Estimate, Estimator, FixedWorkspace, Footprint, InputError, Observation, Options, Refinement,
+    Scoring, ShapeModel, Solver, Tilt, View, Workspace,
+};
 use libfuzzer_sys::fuzz_target;
 
 /// Mostly numbers of an ordinary size, so that the fuzzer gets past the checks.

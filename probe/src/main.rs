@@ -3,8 +3,7 @@
 #![no_std]
 #![no_main]
 
-use groundpose::options::{Options, Solver};
-use groundpose::workspace::FixedWorkspace;
+use groundpose::{FixedWorkspace, Options, Solver};
 
 #[cfg_attr(target_os = "none", path = "bare_metal.rs")]
 #[cfg_attr(not(target_os = "none"), path = "hosted.rs")]

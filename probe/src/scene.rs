@@ -1,12 +1,8 @@
 // One car with shape and scores, as tables: what the probe estimates and what a test with std estimates again.
 
-use groundpose::camera::{Camera, Tilt, View};
-use groundpose::error::InputError;
-use groundpose::estimate::{Estimate, Estimator};
-use groundpose::object::{Bbox, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::options::Options;
-use groundpose::workspace::Workspace;
+use groundpose::{
+    Bbox, Camera, Estimate, Estimator, InputError, Observation, Options, ShapeModel, Tilt, View, Workspace,
+};
 
 /// Wheels, headlights, rear lights, corners of the roof; metres, origin on the ground below the middle.
 const KEYPOINTS_3D: [[f64; 3]; 12] = [

@@ -160,14 +160,14 @@ class PoseBatch:
         return self[index].keypoints_3d
 
     def to_kitti(self, names: Sequence[str] | None = None, scores: object = None) -> str:
-        """Lines of KITTI's object result format, one an object (`groundpose.formats.kitti`).
+        """Lines of KITTI's object result format, one an object (`groundpose.formats.kitti.results`).
 
         Args:
             names: N class names; None: the models' names, "Car" for those without.
             scores: (N,) detection scores, higher is better; None: share of the seen keypoints that
                 are inliers, 0 without an answer.
         """
-        from groundpose.formats.kitti import format_results  # stands above this file
+        from groundpose.formats.kitti.results import format_results  # stands above this file
 
         return format_results(self, names, scores)
 

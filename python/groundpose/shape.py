@@ -107,16 +107,14 @@ class ShapeModel(Value):
 
     def keypoints(self, shape_coefficients: object = ()) -> FloatArray:
         """Keypoints (P, 3), metres, of the shape with coefficients (M,); without any, the mean."""
-        return np.asarray(
-            self.keypoints_3d + np.tensordot(self._coefficients(shape_coefficients), self.basis, axes=1)
-        )
+        return _deformed(self.keypoints_3d, self._coefficients(shape_coefficients), self.basis)
 
     def bbox_3d_of(self, shape_coefficients: object = ()) -> FloatArray:
         """3D box (2, 3), metres, of the shape with coefficients (M,); the mean's without `bbox_basis`."""
         coefficients = self._coefficients(shape_coefficients)
         if self.bbox_basis is None:
             return self.bbox_3d
-        return np.asarray(self.bbox_3d + np.tensordot(coefficients, self.bbox_basis, axes=1))
+        return _deformed(self.bbox_3d, coefficients, self.bbox_basis)
 
     def _coefficients(self, given: object) -> FloatArray:
         coefficients = given if np.size(given) else np.zeros(self.modes)  # type: ignore[arg-type]
@@ -232,6 +230,14 @@ class ShapeModel(Value):
 def extent(points: FloatArray) -> FloatArray:
     """`[min, max]` corner (2, D) of points (N, D)."""
     return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _deformed(mean: FloatArray, coefficients: FloatArray, basis: FloatArray) -> FloatArray:
+    """`mean + sum_j coefficients[j] * basis[j]`, one mode after the other: BLAS rounds as its kernel does."""
+    total: FloatArray = mean.copy()
+    for coefficient, mode in zip(coefficients, basis, strict=True):
+        total += coefficient * mode
+    return total
 
 
 def _checked(name: str, value: object, shape: tuple[int | str, ...]) -> FloatArray:

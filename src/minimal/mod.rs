@@ -5,20 +5,17 @@ pub mod p1p_height;
 pub mod p3p;
 pub mod up2p;
 
-use crate::pose::Pose;
+use crate::geometry::pose::Pose;
 
 /// A solver that makes pose hypotheses from `SIZE` keypoints.
 ///
 /// ```
-/// use groundpose::camera::{Camera, Tilt, View};
+/// use groundpose::{Bbox, Camera, Observation, Pose, ShapeModel, Tilt, View};
 /// use groundpose::minimal::MinimalSolver;
 /// use groundpose::minimal::p1p::{Cases, P1p};
 /// use groundpose::minimal::p1p_height::P1pHeight;
 /// use groundpose::minimal::p3p::P3p;
 /// use groundpose::minimal::up2p::Up2p;
-/// use groundpose::object::{Bbox, ShapeModel};
-/// use groundpose::observation::Observation;
-/// use groundpose::pose::Pose;
 ///
 /// let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.2, roll: 0.0 })?;
 /// let bbox_3d = [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]];
@@ -46,7 +43,7 @@ use crate::pose::Pose;
 /// assert!(nearest(&P1pHeight::new(&view, &observation, &bbox, 6.0), [1], &truth) < 1e-9);
 /// assert!(nearest(&Up2p::new(&view, &observation), [0, 1], &truth) < 1e-9);
 /// assert!(nearest(&P3p::new(&view.camera, &observation), [0, 1, 2], &truth) < 1e-6);
-/// # Ok::<(), groundpose::error::InputError>(())
+/// # Ok::<(), groundpose::InputError>(())
 /// ```
 pub trait MinimalSolver<const SIZE: usize> {
     /// Calls `emit` with every pose that the sampled keypoints (indices into the model) allow.

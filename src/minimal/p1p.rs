@@ -21,19 +21,21 @@
 use nalgebra::Vector3;
 
 use super::MinimalSolver;
-use crate::camera::View;
-use crate::lanes::{LANES, Lanes, Unit, Vector};
-use crate::math::{norm2, sqrt};
-use crate::object::{Bbox, Footprint, MAX_CORNERS, ShapeModel};
-use crate::observation::Observation;
-use crate::pose::Pose;
-use crate::simd::{HotLoop, VectorUnit};
+use crate::geometry::bbox::Bbox;
+use crate::geometry::footprint::{Footprint, MAX_CORNERS};
+use crate::geometry::math::{norm2, sqrt};
+use crate::geometry::pose::Pose;
+use crate::geometry::view::View;
+use crate::model::observation::Observation;
+use crate::model::shape_model::ShapeModel;
+use crate::simd::dispatch::{HotLoop, VectorUnit};
+use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
 
 /// Which corners may touch the sides of the 2D box.
 ///
 /// ```
 /// use groundpose::minimal::p1p::Cases;
-/// use groundpose::options::Options;
+/// use groundpose::Options;
 ///
 /// let paper = Options { cases: Cases::Paper, ..Options::default() };
 /// assert!(paper.check().is_ok() && Options::default().cases == Cases::All);
@@ -58,11 +60,8 @@ pub(super) const FEASIBILITY_TOLERANCE: f64 = 0.03;
 /// The objects are those of the example of [`MinimalSolver`].
 ///
 /// ```
-/// # use groundpose::camera::{Camera, Tilt, View};
+/// # use groundpose::{Bbox, Camera, Observation, Pose, ShapeModel, Tilt, View};
 /// # use groundpose::minimal::MinimalSolver;
-/// # use groundpose::object::{Bbox, ShapeModel};
-/// # use groundpose::observation::Observation;
-/// # use groundpose::pose::Pose;
 /// # let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.2, roll: 0.0 })?;
 /// # let bbox_3d = [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]];
 /// # let points = [[-0.8, -0.3, 1.3], [0.5, -1.4, -1.3], [0.8, -0.3, -1.3]];
@@ -82,7 +81,7 @@ pub(super) const FEASIBILITY_TOLERANCE: f64 = 0.03;
 /// let mut nearest = f64::INFINITY;
 /// solver.solve([1], &mut |pose| nearest = nearest.min((pose.t - truth.t).norm()));
 /// assert!(nearest < 1e-6, "the truth is one of the solutions");
-/// # Ok::<(), groundpose::error::InputError>(())
+/// # Ok::<(), groundpose::InputError>(())
 /// ```
 pub struct P1p<'a> {
     unit: VectorUnit,

@@ -8,10 +8,10 @@ use nalgebra::Vector3;
 
 use super::MinimalSolver;
 use super::p1p::{FEASIBILITY_TOLERANCE, pose_at, solve_yaw, touching_heights};
-use crate::camera::View;
-use crate::object::Bbox;
-use crate::observation::Observation;
-use crate::pose::Pose;
+use crate::geometry::bbox::Bbox;
+use crate::geometry::pose::Pose;
+use crate::geometry::view::View;
+use crate::model::observation::Observation;
 
 /// A keypoint at nearly the camera's height has no depth: the smallest slope of its ray against the ground.
 const SMALLEST_SLOPE: f64 = 1e-3;
@@ -21,11 +21,8 @@ const SMALLEST_SLOPE: f64 = 1e-3;
 /// The objects are those of the example of [`MinimalSolver`].
 ///
 /// ```
-/// # use groundpose::camera::{Camera, Tilt, View};
+/// # use groundpose::{Bbox, Camera, Observation, Pose, ShapeModel, Tilt, View};
 /// # use groundpose::minimal::MinimalSolver;
-/// # use groundpose::object::{Bbox, ShapeModel};
-/// # use groundpose::observation::Observation;
-/// # use groundpose::pose::Pose;
 /// # let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.2, roll: 0.0 })?;
 /// # let bbox_3d = [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]];
 /// # let points = [[-0.8, -0.3, 1.3], [0.5, -1.4, -1.3], [0.8, -0.3, -1.3]];
@@ -46,7 +43,7 @@ const SMALLEST_SLOPE: f64 = 1e-3;
 /// let mut nearest = f64::INFINITY;
 /// solver.solve([1], &mut |pose| nearest = nearest.min((pose.t - truth.t).norm()));
 /// assert!(nearest < 1e-6, "the truth is one of the solutions");
-/// # Ok::<(), groundpose::error::InputError>(())
+/// # Ok::<(), groundpose::InputError>(())
 /// ```
 pub struct P1pHeight<'a> {
     view: &'a View,

@@ -11,21 +11,18 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::MinimalSolver;
-use crate::camera::Camera;
-use crate::math::{atan2, copysign, cos, sqrt};
-use crate::observation::Observation;
-use crate::pose::Pose;
+use crate::geometry::camera::Camera;
+use crate::geometry::math::{atan2, copysign, cos, sqrt};
+use crate::geometry::pose::Pose;
+use crate::model::observation::Observation;
 
 /// The solver for one object.
 ///
 /// The objects are those of the example of [`MinimalSolver`].
 ///
 /// ```
-/// # use groundpose::camera::{Camera, Tilt, View};
+/// # use groundpose::{Bbox, Camera, Observation, Pose, ShapeModel, Tilt, View};
 /// # use groundpose::minimal::MinimalSolver;
-/// # use groundpose::object::{Bbox, ShapeModel};
-/// # use groundpose::observation::Observation;
-/// # use groundpose::pose::Pose;
 /// # let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.2, roll: 0.0 })?;
 /// # let bbox_3d = [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]];
 /// # let points = [[-0.8, -0.3, 1.3], [0.5, -1.4, -1.3], [0.8, -0.3, -1.3]];
@@ -40,7 +37,7 @@ use crate::pose::Pose;
 /// let mut nearest = f64::INFINITY;
 /// solver.solve([0, 1, 2], &mut |pose| nearest = nearest.min((pose.t - truth.t).norm()));
 /// assert!(nearest < 1e-6, "the truth is one of the solutions");
-/// # Ok::<(), groundpose::error::InputError>(())
+/// # Ok::<(), groundpose::InputError>(())
 /// ```
 pub struct P3p<'a> {
     camera: &'a Camera,

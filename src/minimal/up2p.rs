@@ -7,10 +7,10 @@ use nalgebra::Vector3;
 
 use super::MinimalSolver;
 use super::p1p::pose_at;
-use crate::camera::View;
-use crate::math::quadratic_roots;
-use crate::observation::Observation;
-use crate::pose::Pose;
+use crate::geometry::math::quadratic_roots;
+use crate::geometry::pose::Pose;
+use crate::geometry::view::View;
+use crate::model::observation::Observation;
 
 /// Keypoints closer than this (metres, bird's-eye view) do not define a yaw.
 const SMALLEST_BASELINE: f64 = 1e-6;
@@ -22,11 +22,8 @@ const SMALLEST_SLOPE: f64 = 1e-9;
 /// The objects are those of the example of [`MinimalSolver`].
 ///
 /// ```
-/// # use groundpose::camera::{Camera, Tilt, View};
+/// # use groundpose::{Bbox, Camera, Observation, Pose, ShapeModel, Tilt, View};
 /// # use groundpose::minimal::MinimalSolver;
-/// # use groundpose::object::{Bbox, ShapeModel};
-/// # use groundpose::observation::Observation;
-/// # use groundpose::pose::Pose;
 /// # let view = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: -0.2, roll: 0.0 })?;
 /// # let bbox_3d = [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]];
 /// # let points = [[-0.8, -0.3, 1.3], [0.5, -1.4, -1.3], [0.8, -0.3, -1.3]];
@@ -41,7 +38,7 @@ const SMALLEST_SLOPE: f64 = 1e-9;
 /// let mut nearest = f64::INFINITY;
 /// solver.solve([0, 1], &mut |pose| nearest = nearest.min((pose.t - truth.t).norm()));
 /// assert!(nearest < 1e-6, "the truth is one of the solutions");
-/// # Ok::<(), groundpose::error::InputError>(())
+/// # Ok::<(), groundpose::InputError>(())
 /// ```
 pub struct Up2p<'a> {
     view: &'a View,

@@ -12,14 +12,14 @@ use super::input_error;
 use super::options::PyOptions;
 use super::outputs::{Answer, Outputs, Rows};
 use super::threads::pool;
-use crate::batch::OBJECTS_PER_TASK;
-use crate::camera::View;
 use crate::error::NoPose;
-use crate::estimate::Estimator;
-use crate::object::Bbox;
-use crate::observation::Observation;
-use crate::options::Solver;
-use crate::workspace::{GrowingWorkspace, Workspace};
+use crate::estimate::batch::OBJECTS_PER_TASK;
+use crate::estimate::estimator::Estimator;
+use crate::estimate::options::Solver;
+use crate::estimate::workspace::{GrowingWorkspace, Workspace};
+use crate::geometry::bbox::Bbox;
+use crate::geometry::view::View;
+use crate::model::observation::Observation;
 
 /// Objects between two looks for an interrupt; also bounds the memory beyond inputs and outputs.
 const OBJECTS_PER_BLOCK: usize = 2048;
@@ -146,7 +146,7 @@ impl Inputs<'_> {
 /// The observation of one object; `None` where one of its own numbers is not usable.
 fn observe<'a>(
     keypoints: &'a [[f64; 2]],
-    model: &'a crate::object::ShapeModel<'a>,
+    model: &'a crate::model::shape_model::ShapeModel<'a>,
     scores: Option<&'a [f64]>,
     bbox: Option<[f64; 4]>,
     threshold: Option<f64>,

@@ -6,8 +6,10 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 
 use super::arrays::{fixed, flat, require_shape, rows};
-use crate::camera::{Camera, Tilt, View};
-use crate::object::{Footprint, ShapeModel};
+use crate::geometry::camera::Camera;
+use crate::geometry::footprint::Footprint;
+use crate::geometry::view::{Tilt, View};
+use crate::model::shape_model::ShapeModel;
 
 #[pyclass(frozen, name = "Camera", module = "groundpose._core")]
 pub(crate) struct PyCamera(pub(crate) Camera);

@@ -5,10 +5,10 @@ use pyo3::prelude::*;
 
 use super::arrays::{require_shape, rows};
 use super::classes::{PyView, to_matrix};
-use crate::covariance::PoseCovariance;
-use crate::frame::{UpAxis, frame_tilt as tilt};
-use crate::options::Options;
-use crate::pose::Pose;
+use crate::estimate::frame_tilt::{UpAxis, frame_tilt as tilt};
+use crate::estimate::options::Options;
+use crate::geometry::pose::Pose;
+use crate::refine::covariance::PoseCovariance;
 
 /// Pitch, roll, their covariance and the effective number of objects; rows that are not finite say nothing.
 #[pyfunction]

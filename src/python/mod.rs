@@ -63,8 +63,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(synthetic::synthetic_scenes, module)?)?;
     module.add_function(wrap_pyfunction!(build_info, module)?)?;
     module.add("STATUS", crate::error::NoPose::NAMES.to_vec())?;
-    module.add("STOP_REASONS", crate::ransac::StopReason::NAMES.to_vec())?;
-    module.add("SOLVERS", crate::options::Solver::NAMES.to_vec())?;
+    module.add("STOP_REASONS", crate::search::ransac::StopReason::NAMES.to_vec())?;
+    module.add("SOLVERS", crate::estimate::options::Solver::NAMES.to_vec())?;
     Ok(())
 }
 
@@ -77,7 +77,7 @@ fn build_info(py: Python<'_>) -> PyResult<Bound<'_, pyo3::types::PyDict>> {
     info.set_item("target", format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS))?;
     info.set_item("features", named(&FEATURES))?;
     info.set_item("compiled_target_features", named(&TARGET_FEATURES))?;
-    info.set_item("vector_unit", crate::simd::VectorUnit::detect().name())?;
+    info.set_item("vector_unit", crate::simd::dispatch::VectorUnit::detect().name())?;
     Ok(info)
 }
 

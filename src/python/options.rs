@@ -5,10 +5,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::choose;
+use crate::estimate::options::{Options, Solver};
 use crate::minimal::p1p::Cases;
-use crate::options::{Options, Solver};
-use crate::refine::Refinement;
-use crate::score::Scoring;
+use crate::refine::schedule::Refinement;
+use crate::search::score::Scoring;
 
 #[pyclass(frozen, name = "Options", module = "groundpose._core")]
 pub(crate) struct PyOptions(pub(crate) Options);

@@ -8,8 +8,8 @@ use pyo3::types::PyDict;
 
 use super::classes::ModelData;
 use crate::error::NoPose;
-use crate::estimate::Estimate;
-use crate::refine::MAX_STAGES;
+use crate::estimate::estimator::Estimate;
+use crate::refine::schedule::MAX_STAGES;
 
 /// A pose, or why there is none.
 pub(super) type Answer = Result<Estimate, NoPose>;

@@ -8,14 +8,14 @@ use super::arrays::{fixed, flat};
 use super::classes::{PyCamera, PyModel, PyView, to_matrix};
 use super::input_error;
 use super::options::CASES;
+use crate::geometry::bbox::Bbox;
+use crate::geometry::pose::Pose;
 use crate::minimal::MinimalSolver;
 use crate::minimal::p1p::P1p;
 use crate::minimal::p1p_height::P1pHeight;
 use crate::minimal::p3p::solve_p3p as p3p;
 use crate::minimal::up2p::solve_up2p as up2p;
-use crate::object::Bbox;
-use crate::observation::Observation;
-use crate::pose::Pose;
+use crate::model::observation::Observation;
 
 type Poses<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<f64>>);
 

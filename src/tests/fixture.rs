@@ -1,15 +1,15 @@
 //! The parts of an [`Objective`], owned, so that a test can build one from plain values.
 
-use crate::camera::View;
-use crate::lanes::LANES;
-use crate::loss::Kernel;
-use crate::noise::NoiseModel;
-use crate::normal::{Normal, State};
-use crate::object::{MAX_MODES, ShapeModel};
-use crate::objective::Objective;
-use crate::priors::Priors;
-use crate::residual::Block;
-use crate::simd::VectorUnit;
+use crate::geometry::view::View;
+use crate::model::shape_model::{MAX_MODES, ShapeModel};
+use crate::refine::kernels::Kernel;
+use crate::refine::normal::{Normal, State};
+use crate::refine::objective::Objective;
+use crate::refine::priors::Priors;
+use crate::search::noise::NoiseModel;
+use crate::simd::blocks::Block;
+use crate::simd::dispatch::VectorUnit;
+use crate::simd::lanes::LANES;
 
 /// Nothing known besides the keypoints.
 pub(super) const NO_PRIORS: Priors = Priors {
@@ -71,11 +71,11 @@ pub(super) fn linearised<const D: usize>(objective: &Objective, state: &State, k
 }
 
 /// Random numbers between -1 and 1.
-pub(super) struct Random(crate::sampler::Stream);
+pub(super) struct Random(crate::search::sampler::Stream);
 
 impl Random {
     pub(super) fn new(trial: u64) -> Self {
-        Self(crate::sampler::Stream::new(7, trial))
+        Self(crate::search::sampler::Stream::new(7, trial))
     }
 
     pub(super) fn next(&mut self) -> f64 {

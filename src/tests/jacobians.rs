@@ -3,14 +3,15 @@
 use nalgebra::{Rotation3, Vector3, Vector6};
 
 use super::fixture::{Fixture, NO_PRIORS, Random, linearised};
-use crate::camera::{Camera, Tilt, View};
-use crate::loss::Kernel;
-use crate::normal::State;
-use crate::object::{MAX_MODES, ShapeModel};
-use crate::objective::Objective;
-use crate::pose::Pose;
-use crate::priors::Priors;
-use crate::residual::point_jacobian;
+use crate::geometry::camera::Camera;
+use crate::geometry::pose::Pose;
+use crate::geometry::view::{Tilt, View};
+use crate::model::shape_model::{MAX_MODES, ShapeModel};
+use crate::refine::kernels::Kernel;
+use crate::refine::normal::State;
+use crate::refine::objective::Objective;
+use crate::refine::priors::Priors;
+use crate::simd::blocks::point_jacobian;
 
 const POINTS: usize = 11;
 const MODES: usize = 3;

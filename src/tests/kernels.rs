@@ -1,7 +1,7 @@
 //! One law for every kernel: the weight is `rho'(r) / r`, near zero and far away.
 
-use crate::lanes::{LANES, Lanes, Portable};
-use crate::loss::{Kernel, tukey, tukey_lanes};
+use crate::refine::kernels::{Kernel, tukey, tukey_lanes};
+use crate::simd::lanes::{LANES, Lanes, Portable};
 
 /// Kernels, each with the square of its scale.
 const KERNELS: [(Kernel, f64); 7] = [

@@ -5,16 +5,17 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde_json::Value;
 
 use super::fixture::{Fixture, linearised};
-use crate::camera::{Camera, Tilt, View};
-use crate::loss::Kernel;
-use crate::math::square;
-use crate::normal::State;
-use crate::object::{MAX_MODES, ShapeModel};
-use crate::objective::Objective;
-use crate::pose::Pose;
-use crate::refine::{MAX_STAGES, Refinement, Schedule, Stage, StageKernel, refine, schedule};
-use crate::residual::Projection;
-use crate::score;
+use crate::geometry::camera::Camera;
+use crate::geometry::math::square;
+use crate::geometry::pose::Pose;
+use crate::geometry::view::{Tilt, View};
+use crate::model::shape_model::{MAX_MODES, ShapeModel};
+use crate::refine::kernels::Kernel;
+use crate::refine::normal::State;
+use crate::refine::objective::Objective;
+use crate::refine::schedule::{MAX_STAGES, Refinement, Schedule, Stage, StageKernel, refine, schedule};
+use crate::search::score;
+use crate::simd::blocks::Projection;
 
 /// Unknowns with the three modes of the reference's models, padded.
 const JOINT: usize = 11;

@@ -2,19 +2,22 @@
 #![cfg(target_arch = "x86_64")]
 
 use super::fixture::{Fixture, Random, linearised};
-use crate::camera::{Camera, Tilt, View};
-use crate::consensus::Consensus;
-use crate::loss::Kernel;
+use crate::geometry::bbox::Bbox;
+use crate::geometry::camera::Camera;
+use crate::geometry::footprint::Footprint;
+use crate::geometry::pose::Pose;
+use crate::geometry::view::{Tilt, View};
 use crate::minimal::MinimalSolver;
 use crate::minimal::p1p::{Cases, P1p};
-use crate::normal::State;
-use crate::object::{Bbox, Footprint, MAX_MODES, ShapeModel};
-use crate::observation::Observation;
-use crate::pose::Pose;
-use crate::priors::Priors;
-use crate::residual::Projection;
-use crate::score::{Scoring, cost, inlier_count};
-use crate::simd::VectorUnit;
+use crate::model::observation::Observation;
+use crate::model::shape_model::{MAX_MODES, ShapeModel};
+use crate::refine::kernels::Kernel;
+use crate::refine::normal::State;
+use crate::refine::priors::Priors;
+use crate::search::false_alarms::Consensus;
+use crate::search::score::{Scoring, cost, inlier_count};
+use crate::simd::blocks::Projection;
+use crate::simd::dispatch::VectorUnit;
 
 const POINTS: usize = 23;
 const MODES: usize = 3;

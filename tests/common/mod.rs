@@ -1,15 +1,11 @@
 //! What several test binaries share: an object with its camera as one value, and scenes with known truth.
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
-use groundpose::camera::{Camera, Tilt, View};
-use groundpose::error::{InputError, NoPose};
-use groundpose::estimate::{Estimate, Estimator};
-use groundpose::object::{Bbox, Footprint, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::options::Options;
-use groundpose::pose::Pose;
 use groundpose::synthetic::{Protocol, Scene, projected_bbox};
-use groundpose::workspace::{GrowingWorkspace, Workspace};
+use groundpose::{
+    Bbox, Camera, Estimate, Estimator, Footprint, GrowingWorkspace, InputError, NoPose, Observation, Options, Pose,
+    ShapeModel, Tilt, View, Workspace,
+};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// One object in one view: plain values that a test can change before they are checked and used.

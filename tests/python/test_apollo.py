@@ -7,17 +7,17 @@ from pathlib import Path
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.cli import app
-from groundpose.evaluate import real
-from groundpose.evaluate.kitti.bench import make_folder
-from groundpose.evaluate.kitti.keypoints import Simulated
-from groundpose.evaluate.kitti.objects import cars_of
-from groundpose.evaluate.real_data import RealObjects, apollo, apollo_images, apollo_library, data_folder
-from groundpose.evaluate.tilt import table, ways
+from groundpose.cli.main import app
 from groundpose.formats.apollo import CAMERAS, OURS_FROM_APOLLO, ApolloSet, read_keypoints, rotation
-from groundpose.formats.kitti_dataset import KittiSet
-from groundpose.formats.kitti_table import KittiTable
+from groundpose.formats.kitti.dataset import KittiSet
+from groundpose.formats.kitti.table import KittiTable
 from groundpose.formats.skips import Skips
+from groundpose.lab.evaluate import real
+from groundpose.lab.evaluate.kitti.bench import make_folder
+from groundpose.lab.evaluate.kitti.keypoints import Simulated
+from groundpose.lab.evaluate.kitti.objects import cars_of
+from groundpose.lab.evaluate.real_data import RealObjects, apollo, apollo_images, apollo_library, data_folder
+from groundpose.lab.evaluate.tilt import table, ways
 from typer.testing import CliRunner
 
 NAME = "180114_025326632_Camera_5"
@@ -167,9 +167,9 @@ def test_a_frames_tilt_is_worth_its_time_on_real_roads():
 
 
 def test_ours_is_at_or_below_poselib_on_the_development_cars():
-    from groundpose.evaluate.methods import DEFAULT
-    from groundpose.evaluate.real import RealMethod, our_line, rival_line
-    from groundpose.evaluate.rivals import POSELIB_TUNED
+    from groundpose.lab.evaluate.methods import DEFAULT
+    from groundpose.lab.evaluate.real import RealMethod, our_line, rival_line
+    from groundpose.lab.evaluate.rivals import POSELIB_TUNED
 
     if reason := POSELIB_TUNED.missing():
         pytest.skip(reason)

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from groundpose import InputError
-from groundpose.bench import cases, races, run, scenes, sources, special
-from groundpose.bench.cases import Case
-from groundpose.bench.contenders import DEFAULT, LIBRARIES, TO_BEAT, Contender
-from groundpose.bench.races import QUICK, Effort, Race, WrongAnswer
-from groundpose.cli import app
-from groundpose.evaluate.scenes import generate
-from groundpose.evaluate.timing import in_chunks, median_interval
+from groundpose.cli.main import app
+from groundpose.lab.bench import cases, races, run, scenes, sources, special
+from groundpose.lab.bench.cases import Case
+from groundpose.lab.bench.contenders import DEFAULT, LIBRARIES, TO_BEAT, Contender
+from groundpose.lab.bench.races import QUICK, Effort, Race, WrongAnswer
+from groundpose.lab.evaluate.scenes import generate
+from groundpose.lab.evaluate.timing import in_chunks, median_interval
 from typer.testing import CliRunner
 
 FEW = Effort(objects=40, rounds=10, fewest=7, seconds=1.0, chunk_seconds=0.5)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 from groundpose import InputError
-from groundpose.bench import bars, baseline, figure, page, stages, tell
-from groundpose.bench.baseline import BETTER, GONE, LOST, SAME, UNSURE
-from groundpose.bench.cases import BATCHES, KEYPOINTS, PERCENTS, TWO_THREADS
-from groundpose.bench.contenders import DEFAULT, TO_BEAT
-from groundpose.evaluate import report
+from groundpose.lab.bench import bars, baseline, figure, page, stages, tell
+from groundpose.lab.bench.baseline import BETTER, GONE, LOST, SAME, UNSURE
+from groundpose.lab.bench.cases import BATCHES, KEYPOINTS, PERCENTS, TWO_THREADS
+from groundpose.lab.bench.contenders import DEFAULT, TO_BEAT
+from groundpose.lab.evaluate import report
 
 ROOT = Path(__file__).parents[2]
 
@@ -300,7 +300,7 @@ def test_the_committed_page_is_made_from_the_committed_numbers():
     if not stored.exists():
         pytest.skip(f"no {page.RESULTS}")
     text = (ROOT / page.PAGE).read_text("utf-8")
-    assert page.filled(text, report.read_json(stored)) == text, "python -m groundpose.bench.page"
+    assert page.filled(text, report.read_json(stored)) == text, "python -m groundpose.lab.bench.page"
 
 
 def test_the_committed_baseline_is_one():

@@ -13,7 +13,7 @@ import groundpose as gp
 import numpy as np
 import pytest
 from conftest import CAMERA, as_json, frame_of, make_batch
-from groundpose.cli import app
+from groundpose.cli.main import app
 from PIL import Image
 from typer.testing import CliRunner
 

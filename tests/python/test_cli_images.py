@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import stand_in
 from conftest import project, rotation_y
-from groundpose import cli_inputs, vehicles
-from groundpose.formats.kitti_labels import format_calibration
+from groundpose import vehicles
+from groundpose.cli import inputs as cli_inputs
+from groundpose.formats.kitti.labels import format_calibration
 from groundpose.keypoints.codec import Codec
 from groundpose.vehicles.keypoints import keypoint_indices
 from PIL import Image
@@ -262,7 +263,7 @@ def test_an_interruption_keeps_what_is_done(drive, model, undrawn, monkeypatch):
             raise KeyboardInterrupt
         return stand_in_reader(path)
 
-    from groundpose import cli_images
+    from groundpose.cli import images as cli_images
 
     stand_in_reader = cli_images.as_rgb
     monkeypatch.setattr(cli_images, "as_rgb", interrupted)

@@ -20,7 +20,7 @@ from groundpose.formats.conversions import (
 )
 from groundpose.formats.detections import bboxes_of, boxes_of
 from groundpose.formats.frames import Frame, FrameObject
-from groundpose.formats.kitti_labels import KittiLabel, format_labels
+from groundpose.formats.kitti.labels import KittiLabel, format_labels
 
 BATCH = make_batch(6, seed=4)
 

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-from groundpose.evaluate import bars, report
-from groundpose.evaluate.rows import Check, Context, Result, to_json
+from groundpose.lab.evaluate import bars, report
+from groundpose.lab.evaluate.rows import Check, Context, Result, to_json
 from typer import Typer
 from typer.testing import CliRunner
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from groundpose.evaluate.metrics import (
+from groundpose.lab.metrics import (
     angular_translation_error_deg,
     failed,
     rotation_error_deg,

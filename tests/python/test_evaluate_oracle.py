@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from groundpose.evaluate import oracle
-from groundpose.evaluate.metrics import rotation_error_deg, translation_error_percent
-from groundpose.evaluate.scenes import Scenes, generate
+from groundpose.lab.evaluate import oracle
+from groundpose.lab.evaluate.scenes import Scenes, generate
+from groundpose.lab.metrics import rotation_error_deg, translation_error_percent
 
 
 def problem_of(scenes: Scenes) -> oracle.Problem:

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from groundpose.cli import app
-from groundpose.evaluate import html
-from groundpose.evaluate.kitti import page
-from groundpose.evaluate.kitti.bench import make_folder
-from groundpose.evaluate.kitti.frame import Task
-from groundpose.evaluate.kitti.keypoints import Simulated
-from groundpose.evaluate.kitti.methods import METHODS
-from groundpose.evaluate.kitti.run import Worker, run
-from groundpose.evaluate.real_data import data_folder
-from groundpose.formats.kitti_dataset import KittiSet
+from groundpose.cli.main import app
+from groundpose.formats.kitti.dataset import KittiSet
+from groundpose.lab.evaluate import html
+from groundpose.lab.evaluate.kitti import page
+from groundpose.lab.evaluate.kitti.bench import make_folder
+from groundpose.lab.evaluate.kitti.frame import Task
+from groundpose.lab.evaluate.kitti.keypoints import Simulated
+from groundpose.lab.evaluate.kitti.methods import METHODS
+from groundpose.lab.evaluate.kitti.run import Worker, run
+from groundpose.lab.evaluate.real_data import data_folder
 from PIL import Image
 from typer.testing import CliRunner
 

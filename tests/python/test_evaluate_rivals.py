@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from groundpose.evaluate.metrics import rotation_error_deg, translation_error_percent
-from groundpose.evaluate.rivals import POSELIB_TUNED, RIVALS, Rival
-from groundpose.evaluate.scenes import Scene, generate
+from groundpose.lab.evaluate.rivals import POSELIB_TUNED, RIVALS, Rival
+from groundpose.lab.evaluate.scenes import Scene, generate
+from groundpose.lab.metrics import rotation_error_deg, translation_error_percent
 
 
 def scene() -> Scene:

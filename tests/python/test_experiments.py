@@ -4,11 +4,11 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import groundpose.cli as cli
+import groundpose.cli.main as cli
 import numpy as np
 import pytest
-from groundpose.evaluate.experiments import compare, entry, figures, page, run, settings, store
-from groundpose.evaluate.experiments.series import Results
+from groundpose.lab.evaluate.experiments import compare, entry, figures, page, run, settings, store
+from groundpose.lab.evaluate.experiments.series import Results
 from typer.testing import CliRunner
 
 BASELINE = Path(__file__).parents[2] / "results" / "experiments"

@@ -4,15 +4,15 @@ import json
 from pathlib import Path
 
 import groundpose as gp
-import groundpose.cli as cli
+import groundpose.cli.main as cli
 import numpy as np
 import pytest
 from conftest import CAMERA, project
-from groundpose.evaluate.experiments import compare
-from groundpose.evaluate.experiments.store import Store
-from groundpose.evaluate.real_data import rotation_about_y
-from groundpose.evaluate.simulated import contest, errors, objects, page, run
-from groundpose.evaluate.simulated import keypoint_noise as kn
+from groundpose.lab.evaluate.experiments import compare
+from groundpose.lab.evaluate.experiments.store import Store
+from groundpose.lab.evaluate.real_data import rotation_about_y
+from groundpose.lab.evaluate.simulated import contest, errors, objects, page, run
+from groundpose.lab.evaluate.simulated import keypoint_noise as kn
 from typer.testing import CliRunner
 
 OURS = ["ours, default", "ours, never refusing", "ours, UP2P, never refusing"]
@@ -210,7 +210,7 @@ def test_the_page_has_table_2_and_says_what_is_met(folder: Path, tmp_path: Path)
 
 
 def test_vehicles_of_the_drive() -> None:
-    pytest.importorskip("groundpose.simulation.labels")
+    pytest.importorskip("groundpose.lab.drive.labels")
     some, more = objects.collect(2, 0), objects.collect(3, 0)
     np.testing.assert_array_equal(some.t, more.t[:2])
     at = some.seen.keypoints_3d @ np.swapaxes(some.R, 1, 2) + some.t[:, None]

@@ -4,15 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from groundpose.evaluate.kitti.average_precision import (
-    MEASURES,
-    Hits,
-    Overlaps,
-    average_precision,
-    judge,
-)
-from groundpose.evaluate.kitti.overlap import Boxes, image_overlap, intersection_areas, space_overlaps
-from groundpose.formats.kitti_labels import KittiLabel
+from groundpose.formats.kitti.labels import KittiLabel
+from groundpose.lab.evaluate.kitti.average_precision import MEASURES, Hits, Overlaps, average_precision, judge
+from groundpose.lab.evaluate.kitti.overlap import Boxes, image_overlap, intersection_areas, space_overlaps
 
 
 def clip(polygon: list, outline: np.ndarray) -> list:

@@ -6,10 +6,8 @@ from pathlib import Path
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.evaluate.kitti.bench import make_folder
-from groundpose.evaluate.real_data import data_folder
-from groundpose.formats.kitti_dataset import KittiSet, difficulty
-from groundpose.formats.kitti_labels import (
+from groundpose.formats.kitti.dataset import KittiSet, difficulty
+from groundpose.formats.kitti.labels import (
     KittiLabel,
     TrackedLabel,
     format_labels,
@@ -18,6 +16,8 @@ from groundpose.formats.kitti_labels import (
     read_tracking,
 )
 from groundpose.formats.skips import PLACES_KEPT, Skips
+from groundpose.lab.evaluate.kitti.bench import make_folder
+from groundpose.lab.evaluate.real_data import data_folder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image

@@ -10,7 +10,7 @@ import groundpose as gp
 import numpy as np
 import pytest
 from groundpose import Network, Pipeline, VehiclePoses
-from groundpose.cli_inputs import NetworkFile
+from groundpose.cli.inputs import NetworkFile
 from groundpose.keypoints import network as network_module
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.keypoints.image import as_rgb

@@ -5,14 +5,14 @@ import pytest
 
 pytest.importorskip("torch", reason="torch is not installed (extra [train])")
 pytest.importorskip("moderngl", reason="moderngl is not installed (extra [simulate])")
-from groundpose.evaluate.networks import page, poses
-from groundpose.evaluate.simulated.contest import contestants
-from groundpose.evaluate.simulated.errors import Errors
 from groundpose.keypoints.codec import Codec
 from groundpose.keypoints.decode import Calibration, Detections
-from groundpose.simulation.render import Renderer
-from groundpose.training.crops import Crops, write_crops
-from groundpose.training.rendered import rendered_samples
+from groundpose.lab.drive.render import Renderer
+from groundpose.lab.evaluate.networks import page, poses
+from groundpose.lab.evaluate.simulated.contest import contestants
+from groundpose.lab.evaluate.simulated.errors import Errors
+from groundpose.lab.training.crops import Crops, write_crops
+from groundpose.lab.training.rendered import rendered_samples
 from groundpose.vehicles import KINDS
 
 

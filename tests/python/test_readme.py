@@ -27,11 +27,11 @@ def test_readme_code_runs(tmp_path, monkeypatch):
 
 
 def test_readme_table_is_what_was_measured():
-    from groundpose.evaluate import report
+    from groundpose.lab.evaluate import report
 
     solver = report.read_json(README.parent / report.SOLVER_JSON)
     text = README.read_text(encoding="utf-8")
-    assert report.with_headline(text, solver) == text, "run: python -m groundpose.evaluate.bars"
+    assert report.with_headline(text, solver) == text, "run: python -m groundpose.lab.evaluate.bars"
 
 
 def test_package_docstring_runs():

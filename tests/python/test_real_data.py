@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from groundpose.evaluate.metrics import rotation_error_deg
-from groundpose.evaluate.real import compare
-from groundpose.evaluate.real_data import RealObjects, apollo, data_folder, kitti
-from groundpose.evaluate.rivals import POSELIB_TUNED
+from groundpose.lab.evaluate.real import compare
+from groundpose.lab.evaluate.real_data import RealObjects, apollo, data_folder, kitti
+from groundpose.lab.evaluate.rivals import POSELIB_TUNED
+from groundpose.lab.metrics import rotation_error_deg
 
 
 def folder_with(name: str) -> Path:

@@ -65,7 +65,8 @@ def assert_close(made: Any, committed: Any, where: str = "values") -> None:
     if isinstance(committed, dict):
         assert made.keys() == committed.keys(), where
         for key in committed:
-            assert_close(made[key], committed[key], f"{where}.{key}")
+            compare = assert_same_set if key == "solutions" else assert_close
+            compare(made[key], committed[key], f"{where}.{key}")
     elif isinstance(committed, list):
         assert len(made) == len(committed), where
         for k, (m, c) in enumerate(zip(made, committed, strict=True)):
@@ -76,10 +77,51 @@ def assert_close(made: Any, committed: Any, where: str = "values") -> None:
         assert made == committed, where
 
 
+def assert_same_set(made: list[Any], committed: list[Any], where: str) -> None:
+    """Solutions in any order, each with all its fields: where two sides of a box give one pose, rounding
+    decides which comes first."""
+    assert len(made) == len(committed), where
+    left = list(made)
+    for k, solution in enumerate(committed):
+        found = next((m for m in left if is_close(m, solution)), None)
+        assert found is not None, f"{where}[{k}]: {solution} is not among {left}"
+        left.remove(found)
+
+
+def is_close(made: Any, committed: Any) -> bool:
+    try:
+        assert_close(made, committed)
+    except AssertionError:
+        return False
+    return True
+
+
+def made_values() -> dict[str, Any]:
+    made: dict[str, Any] = make_values.plain(make_values.solver_values(rng(make_values.SEED)))
+    return made
+
+
 def test_values_json_is_what_its_script_makes() -> None:
-    made = make_values.plain(make_values.solver_values(rng(make_values.SEED)))
-    committed = values()
+    made, committed = made_values(), values()
     assert_close(made, {key: committed[key] for key in made})
+
+
+def test_solutions_are_compared_in_any_order_and_in_nothing_else() -> None:
+    committed = max(values()["p1p_height"], key=lambda case: len(case["solutions"]))["solutions"]
+    assert len(committed) > 1
+    assert_same_set(committed[::-1], committed, "reversed")
+    first, *others = committed
+    i, j = first["corners"]
+    wrong = {
+        "one less": others,
+        "one twice": [*others, others[0]],
+        "other corners": [first | {"corners": [i + 1, j]}, *others],
+        "moved": [first | {"t": [1.00001 * x for x in first["t"]]}, *others],
+        "turned": [first | {"R": [[x + 1e-5 for x in row] for row in first["R"]]}, *others],
+    }
+    for name, solutions in wrong.items():
+        with pytest.raises(AssertionError, match=name):
+            assert_same_set(solutions, committed, name)
 
 
 def test_committed_minimisers_are_stationary() -> None:

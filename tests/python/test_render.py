@@ -5,14 +5,14 @@ import dataclasses
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.simulation.drive import scene
-from groundpose.simulation.labels import labels
-from groundpose.simulation.render import Renderer, camera
-from groundpose.simulation.render.context import context
-from groundpose.simulation.render.view import Window
-from groundpose.simulation.scene import Light, Scene
-from groundpose.simulation.splits import scene_seed
-from groundpose.simulation.surroundings import light
+from groundpose.lab.drive.drive import scene
+from groundpose.lab.drive.labels import labels
+from groundpose.lab.drive.render import Renderer, camera
+from groundpose.lab.drive.render.context import context
+from groundpose.lab.drive.render.view import Window
+from groundpose.lab.drive.scene import Light, Scene
+from groundpose.lab.drive.splits import scene_seed
+from groundpose.lab.drive.surroundings import light
 from PIL import Image
 
 CAMERA = gp.Camera.from_fov(400, 226, np.radians(50.8))

@@ -3,16 +3,16 @@
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.simulation import props
-from groundpose.simulation.assets import SKIES, environments, skies
-from groundpose.simulation.render import textures
-from groundpose.simulation.render.lighting import KINDS, illumination
-from groundpose.simulation.render.look import PAINTS, SURFACES, look, surface_tables
-from groundpose.simulation.render.meshes import BODY_LEVELS, level_of, prop_levels, vehicle_levels
-from groundpose.simulation.road_kinds import ROAD_KINDS, make_road
-from groundpose.simulation.surroundings import light
-from groundpose.simulation.surroundings import props as beside
-from groundpose.vehicles import MATERIALS, body
+from groundpose.lab.bodies import MATERIALS, body
+from groundpose.lab.drive import props
+from groundpose.lab.drive.assets import SKIES, environments, skies
+from groundpose.lab.drive.render import textures
+from groundpose.lab.drive.render.lighting import KINDS, illumination
+from groundpose.lab.drive.render.look import PAINTS, SURFACES, look, surface_tables
+from groundpose.lab.drive.render.meshes import BODY_LEVELS, level_of, prop_levels, vehicle_levels
+from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
+from groundpose.lab.drive.surroundings import light
+from groundpose.lab.drive.surroundings import props as beside
 
 
 def test_no_sky_is_in_two_splits():

@@ -10,9 +10,9 @@ import groundpose as gp
 import numpy as np
 import pytest
 from conftest import make_batch
-from groundpose.cli import app
-from groundpose.evaluate.kitti.bench import make_folder
+from groundpose.cli.main import app
 from groundpose.formats.rerun_log import RerunLog
+from groundpose.lab.evaluate.kitti.bench import make_folder
 from groundpose.vehicles import shape_model
 from typer.testing import CliRunner
 

@@ -5,16 +5,10 @@ from pathlib import Path
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.evaluate import real_data, shape_check, shape_fit
-from groundpose.vehicles import (
-    KINDS,
-    flip_indices,
-    keypoint_indices,
-    keypoint_names,
-    make_models,
-    shape_model,
-)
-from groundpose.vehicles.catalogue import outline
+from groundpose.lab.bodies import make_models
+from groundpose.lab.bodies.catalogue import outline
+from groundpose.lab.evaluate import real_data, shape_check, shape_fit
+from groundpose.vehicles import KINDS, flip_indices, keypoint_indices, keypoint_names, shape_model
 
 
 @pytest.mark.parametrize("kind", KINDS)

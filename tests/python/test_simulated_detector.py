@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from groundpose.evaluate.real_data import data_folder
-from groundpose.evaluate.simulated import fit
-from groundpose.evaluate.simulated import keypoint_noise as kn
-from groundpose.evaluate.simulated.box_noise import BY_OCCLUSION, at_border, draw_boxes
+from groundpose.lab.evaluate.real_data import data_folder
+from groundpose.lab.evaluate.simulated import fit
+from groundpose.lab.evaluate.simulated import keypoint_noise as kn
+from groundpose.lab.evaluate.simulated.box_noise import BY_OCCLUSION, at_border, draw_boxes
 
 DATA = data_folder()
 needs_data = pytest.mark.skipif(

@@ -6,13 +6,13 @@ import math
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.simulation import HIDDEN, OUTSIDE, VISIBLE, labels, scene, scene_seed
-from groundpose.simulation.labels import own_body_hides
-from groundpose.simulation.road import STEP
-from groundpose.simulation.silhouette import NEAR, Region, outline
-from groundpose.simulation.solids import solid
-from groundpose.simulation.splits import body
-from groundpose.simulation.visibility import look
+from groundpose.lab.drive import HIDDEN, OUTSIDE, VISIBLE, labels, scene, scene_seed
+from groundpose.lab.drive.labels import own_body_hides
+from groundpose.lab.drive.road import STEP
+from groundpose.lab.drive.silhouette import NEAR, Region, outline
+from groundpose.lab.drive.solids import solid
+from groundpose.lab.drive.splits import body
+from groundpose.lab.drive.visibility import look
 from groundpose.vehicles import KINDS
 from PIL import Image, ImageDraw
 
@@ -202,7 +202,7 @@ def test_a_vehicle_behind_a_truck_has_no_label(stage):
 
 
 def test_things_beside_the_road_hide_vehicles(stage):
-    from groundpose.simulation import Prop
+    from groundpose.lab.drive import Prop
 
     car = parked(stage, "car", 0.0, 25.0, 90.0)
     middle = car.t_world - 3.0 * stage.R_camera_from_world.T @ [0.0, 0.0, 1.0]

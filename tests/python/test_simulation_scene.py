@@ -5,12 +5,12 @@ import itertools
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.simulation import SPLITS, scene, scene_seed, split_of
-from groundpose.simulation import ego as car
-from groundpose.simulation.ego import FRAMES_PER_DRIVE, drive_along
-from groundpose.simulation.footprints import Footprints, overlapping
-from groundpose.simulation.road_kinds import ROAD_KINDS, make_road
-from groundpose.simulation.splits import body, random_body
+from groundpose.lab.drive import SPLITS, scene, scene_seed, split_of
+from groundpose.lab.drive import ego as car
+from groundpose.lab.drive.ego import FRAMES_PER_DRIVE, drive_along
+from groundpose.lab.drive.footprints import Footprints, overlapping
+from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
+from groundpose.lab.drive.splits import body, random_body
 from groundpose.vehicles import KINDS
 
 SEED = scene_seed(9, "validation")

@@ -10,12 +10,12 @@ from pathlib import Path
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.cli import app
-from groundpose.cli_simulate import read_shares
-from groundpose.formats.kitti_labels import read_labels
-from groundpose.simulation import labels, scene, scene_seed, workers, write
-from groundpose.simulation.workers import Settings
-from groundpose.simulation.write import write_drive
+from groundpose.cli.main import app
+from groundpose.cli.simulate import read_shares
+from groundpose.formats.kitti.labels import read_labels
+from groundpose.lab.drive import labels, scene, scene_seed, workers, write
+from groundpose.lab.drive.workers import Settings
+from groundpose.lab.drive.write import write_drive
 from groundpose.vehicles import KINDS, keypoint_names
 from typer.testing import CliRunner
 

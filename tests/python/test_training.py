@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from groundpose.keypoints.codec import FILL, Codec, cut
 from groundpose.keypoints.network import Network
-from groundpose.simulation import HIDDEN, OUTSIDE, VISIBLE
+from groundpose.lab.drive import HIDDEN, OUTSIDE, VISIBLE
 from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices, keypoint_indices
 
 torch = pytest.importorskip("torch", reason="torch is not installed (extra [train])")
 pytest.importorskip("onnxscript", reason="onnxscript is not installed (extra [train])")
 onnx = pytest.importorskip("onnx", reason="onnx is not installed (extra [train])")
 
-from groundpose.training import configs, crops, heat_maps, loop, networks, release  # noqa: E402
-from groundpose.training.batches import Batcher  # noqa: E402
-from groundpose.training.evaluate import answers  # noqa: E402
-from groundpose.training.log import METRICS  # noqa: E402
-from groundpose.training.losses import Loss  # noqa: E402
-from groundpose.training.toy import IMAGE_SIZE, toy_frame, toy_samples  # noqa: E402
+from groundpose.lab.training import configs, crops, heat_maps, loop, networks, release  # noqa: E402
+from groundpose.lab.training.batches import Batcher  # noqa: E402
+from groundpose.lab.training.evaluate import answers  # noqa: E402
+from groundpose.lab.training.log import METRICS  # noqa: E402
+from groundpose.lab.training.losses import Loss  # noqa: E402
+from groundpose.lab.training.toy import IMAGE_SIZE, toy_frame, toy_samples  # noqa: E402
 
 K = len(KEYPOINTS)
 SMALL = configs.changed(configs.train_config("smoke"), epochs=1, batch=8)
@@ -352,7 +352,7 @@ def _check_files(folder, data):
     said = found["int8.onnx"].metadata
     assert said["command"] == "groundpose train smoke"
     assert json.loads(said["data"]) == {
-        "source": "groundpose.training.toy.toy_samples",
+        "source": "groundpose.lab.training.toy.toy_samples",
         "seed": 0,
         "version": 1,
     }
@@ -364,7 +364,7 @@ def _check_files(folder, data):
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_float32_export_is_the_network_to_the_bit_almost(tmp_path, mirrored):
     from groundpose.keypoints.decode import Calibration
-    from groundpose.training.export import export, metadata
+    from groundpose.lab.training.export import export, metadata
 
     torch.manual_seed(0)
     network = networks.folded(networks.KeypointNetwork(configs.NETWORKS["toy"]))

@@ -3,11 +3,11 @@
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.evaluate.real_data import data_folder
+from groundpose.lab.evaluate.real_data import data_folder
 
 pytest.importorskip("onnx", reason="onnx is not installed (extra [train])")
 from groundpose.keypoints.pipeline import Pipeline
-from groundpose.training.streets import judge, looks, sheet, streets, summary
+from groundpose.lab.training.streets import judge, looks, sheet, streets, summary
 from test_network import write
 
 FOLDER = data_folder() / "kitti" / "training"

@@ -5,18 +5,9 @@ from functools import cache
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.vehicles import (
-    KINDS,
-    STYLES,
-    Body,
-    body,
-    catalogue,
-    flip_indices,
-    keypoint_indices,
-    keypoint_names,
-    keypoints_of,
-)
-from groundpose.vehicles.catalogue import outline
+from groundpose.lab.bodies import STYLES, Body, body, catalogue, keypoints_of
+from groundpose.lab.bodies.catalogue import outline
+from groundpose.vehicles import KINDS, flip_indices, keypoint_indices, keypoint_names
 
 STYLED = [(kind, style) for kind in KINDS for style in STYLES[kind]]
 SEEDS = (0, 3)

@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from groundpose.vehicles import car
-from groundpose.vehicles.body import MATERIALS, Body
-from groundpose.vehicles.catalogue import STYLES
+from groundpose.lab.bodies.body import MATERIALS, Body
+from groundpose.lab.bodies.car import body as car
+from groundpose.lab.bodies.catalogue import STYLES
 from groundpose.vehicles.keypoints import keypoint_names
 
 CARS = STYLES["car"]

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from groundpose.vehicles.geometry import loft, primitives, slab
-from groundpose.vehicles.geometry.mesh import Component, Mesh, assemble, both_sides, rotation
-from groundpose.vehicles.geometry.wall import Wall, quadratic_spline
-from groundpose.vehicles.parts.wheels import CAR_RIMS, STEEL_RIMS, hub_x, place_wheels, wheel
+from groundpose.lab.bodies.geometry import loft, primitives, slab
+from groundpose.lab.bodies.geometry.mesh import Component, Mesh, assemble, both_sides, rotation
+from groundpose.lab.bodies.geometry.wall import Wall, quadratic_spline
+from groundpose.lab.bodies.parts.wheels import CAR_RIMS, STEEL_RIMS, hub_x, place_wheels, wheel
 
 OUTLINE = np.array([[0.0, 2.0], [0.5, 2.0], [0.9, 1.9], [0.9, 0.0], [0.9, -1.9], [0.5, -2.0], [0.0, -2.0]])
 WALL = Wall(OUTLINE, ([0.0, 1.0], [0.1, 0.0]), ([0.0, 1.0], [0.05, 0.0]), ([0.0, 1.0], [0.0, 0.1]))

@@ -6,7 +6,8 @@ from pathlib import Path
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.vehicles import KEYPOINTS, KINDS, drawing, flip_indices, keypoint_indices, keypoint_names
+from groundpose.lab.bodies import drawing
+from groundpose.vehicles import KEYPOINTS, KINDS, flip_indices, keypoint_indices, keypoint_names
 
 PAGE = Path(__file__).parents[2] / "docs" / "vehicles.md"
 

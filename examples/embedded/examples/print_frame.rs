@@ -1,7 +1,7 @@
 //! Prints the poses of the frame in the table beside the truth: `cargo run --release --example print_frame`. Printing
 //! needs std, so this is an example: the crate itself builds for a board.
 
-use groundpose::workspace::FixedWorkspace;
+use groundpose::FixedWorkspace;
 use groundpose_embedded::frame::{FRAME, TRUTH};
 use groundpose_embedded::{estimate_frame, view};
 

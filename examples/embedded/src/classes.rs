@@ -1,7 +1,7 @@
 //! Two classes of vehicles: keypoints of the mean body, two modes of variation, metres; origin on the ground below the
 //! middle, x right, y down, z forward. Taken from the library's shape models, to the millimetre.
 
-/// Keypoints and their variation, as [`groundpose::object::ShapeModel`] takes them.
+/// Keypoints and their variation, as [`groundpose::ShapeModel`] takes them.
 pub struct Class {
     /// Name of the class.
     pub name: &'static str,

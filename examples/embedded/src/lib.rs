@@ -6,13 +6,9 @@
 pub mod classes;
 pub mod frame;
 
-use groundpose::camera::{Camera, Tilt, View};
-use groundpose::error::{InputError, NoPose};
-use groundpose::estimate::{Estimate, Estimator};
-use groundpose::object::{Bbox, ShapeModel};
-use groundpose::observation::Observation;
-use groundpose::options::Options;
-use groundpose::workspace::Workspace;
+use groundpose::{
+    Bbox, Camera, Estimate, Estimator, InputError, NoPose, Observation, Options, ShapeModel, Tilt, View, Workspace,
+};
 
 use classes::Class;
 use frame::Detection;

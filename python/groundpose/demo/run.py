@@ -10,7 +10,7 @@ import numpy as np
 
 from groundpose._checks import FloatArray
 from groundpose.demo.street import Street, example
-from groundpose.formats.kitti import shaped_box
+from groundpose.formats.kitti.results import shaped_box
 from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
 
 if TYPE_CHECKING:

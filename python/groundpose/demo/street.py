@@ -1,6 +1,6 @@
 """The street of the demo: a frame of the virtual drive that training never sees, its boxes and the truth.
 
-`street.jpg` and `street.json` are made by `python -m groundpose.demo.make`.
+`street.jpg` and `street.json` are made by `python -m groundpose.lab.drive.demo_street`.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
-from groundpose.formats.kitti import shaped_box
+from groundpose.formats.kitti.results import shaped_box
 from groundpose.poses import Pose, PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import View

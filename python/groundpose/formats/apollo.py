@@ -19,7 +19,7 @@ import numpy as np
 from groundpose._checks import FloatArray, input_error
 from groundpose._core import InputError
 from groundpose.formats.fields import Field, parse
-from groundpose.formats.kitti_dataset import read_split
+from groundpose.formats.kitti.dataset import read_split
 from groundpose.formats.skips import Skips
 from groundpose.types import Camera
 

@@ -17,7 +17,7 @@ from groundpose._checks import FloatArray, input_error
 from groundpose.formats.content import Content, read_content
 from groundpose.formats.fields import Field
 from groundpose.formats.frames import FRAME_MEMBERS, OBJECT_MEMBERS, read_truth, read_view
-from groundpose.formats.kitti_labels import DONT_CARE, KittiLabel, read_labels
+from groundpose.formats.kitti.labels import DONT_CARE, KittiLabel, read_labels
 from groundpose.types import View
 
 VEHICLES = frozenset(

@@ -8,6 +8,7 @@ Distortion is OpenCV's `k1, k2, p1, p2, k3` (ROS: plumb_bob) or none; other mode
 from __future__ import annotations
 
 import json
+import math
 import re
 
 import numpy as np
@@ -123,7 +124,7 @@ def read_nuscenes(content: Content) -> View:
     if rotation is None:
         return View(camera, height=metres)
     with rotation.blamed():
-        down = _matrix_of(rotation.numbers(4)).T @ [0.0, 0.0, -1.0]
+        down = 0.0 - _matrix_of(rotation.numbers(4))[2]  # against the ego frame's z axis; no -0.0
         return View.from_gravity(camera, down, metres if metres and metres > 0.0 else None)
 
 
@@ -138,7 +139,7 @@ def _is_list(content: Content) -> bool:
 
 def _matrix_of(quaternion: list[float]) -> FloatArray:
     """Rotation (3, 3) of w, x, y, z."""
-    w, x, y, z = np.array(quaternion) / np.linalg.norm(quaternion)
+    w, x, y, z = np.array(quaternion) / math.hypot(*quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

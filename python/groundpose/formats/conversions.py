@@ -78,9 +78,9 @@ def from_rvec_tvec(rvec: object, tvec: object) -> tuple[FloatArray, FloatArray]:
 def to_kitti(poses: PoseBatch, offset: object = (0.0, 0.0, 0.0)) -> FloatArray:
     """(N, 8): height, width, length, x, y, z of the bottom centre, rotation_y, alpha of each answer.
 
-    `offset`: see `groundpose.formats.kitti.results`.
+    `offset`: see `groundpose.formats.kitti.results.results`.
     """
-    from groundpose.formats.kitti import results  # stands beside this file and needs it not
+    from groundpose.formats.kitti.results import results  # stands beside this file and needs it not
 
     out = np.full((len(poses), 8), np.nan)
     for row, result, ok in zip(out, results(poses, offset=offset), poses.ok, strict=True):
@@ -92,7 +92,7 @@ def to_kitti(poses: PoseBatch, offset: object = (0.0, 0.0, 0.0)) -> FloatArray:
 
 def from_kitti(rows: object, offset: object = (0.0, 0.0, 0.0)) -> tuple[FloatArray, FloatArray]:
     """`(R, t)` of upright objects whose origin is the bottom centre, from the rows of `to_kitti` (N, 8)."""
-    from groundpose.formats.kitti import R_from_rotation_y
+    from groundpose.formats.kitti.results import R_from_rotation_y
 
     given = shaped("rows", rows, ("N", 8))
     R = np.array([R_from_rotation_y(angle) for angle in given[:, 6]]).reshape(-1, 3, 3)

@@ -18,7 +18,7 @@ import numpy as np
 
 from groundpose._checks import FloatArray, float_array, input_error, shaped, type_error
 from groundpose.formats.boxes import Box, Boxes, read_boxes
-from groundpose.formats.kitti_labels import DONT_CARE, KittiLabel
+from groundpose.formats.kitti.labels import DONT_CARE, KittiLabel
 
 
 def bboxes_of(detections: Any, image: str = "") -> FloatArray:

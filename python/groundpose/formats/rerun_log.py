@@ -18,7 +18,7 @@ import numpy as np
 from groundpose._checks import FloatArray, input_error
 from groundpose.draw.colours import BOX, INLIER, MISSING, OUTLIER, POSE, POSE_LIGHT, TRUTH
 from groundpose.formats.conversions import to_quaternions
-from groundpose.formats.kitti import shaped_box
+from groundpose.formats.kitti.results import shaped_box
 from groundpose.poses import PoseBatch
 from groundpose.vehicles.skeleton import skeleton_of
 

@@ -1,7 +1,8 @@
-"""Vehicles made by code: 53 keypoints, four classes, bodies for pictures, shape models for estimation."""
+"""Vehicles: 53 keypoints, four classes, shape models; procedural bodies when they are asked for."""
 
-from groundpose.vehicles.body import MATERIALS, Body
-from groundpose.vehicles.catalogue import STYLES, body, keypoints_of
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from groundpose.vehicles.keypoints import (
     KEYPOINTS,
     KINDS,
@@ -11,6 +12,9 @@ from groundpose.vehicles.keypoints import (
     keypoint_names,
 )
 from groundpose.vehicles.shape_models import shape_model
+
+if TYPE_CHECKING:
+    from groundpose.lab.bodies import MATERIALS, STYLES, Body, body, keypoints_of
 
 __all__ = [
     "KEYPOINTS",
@@ -26,3 +30,12 @@ __all__ = [
     "keypoints_of",
     "shape_model",
 ]
+
+# Procedural bodies belong to the laboratory, which the runtime does not import.
+_OF_THE_LABORATORY = ("MATERIALS", "STYLES", "Body", "body", "keypoints_of")
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _OF_THE_LABORATORY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module("groundpose.lab.bodies"), name)

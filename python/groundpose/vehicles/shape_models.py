@@ -10,11 +10,11 @@ from groundpose.shape import ShapeModel
 from groundpose.vehicles.keypoints import KINDS
 
 FOLDER = Path(__file__).with_name("models")
-"""Where `python -m groundpose.vehicles.make_models` writes."""
+"""Where `python -m groundpose.lab.bodies.make_models` writes."""
 
 
 def shape_model(kind: str) -> ShapeModel:
-    """The shape model of class `kind`: principal components of the bodies of `groundpose.vehicles.body`.
+    """The shape model of class `kind`: principal components of the bodies of `groundpose.lab.bodies.body`.
 
     Its object frame is theirs: origin on the ground under the middle, x right, y down, z forward, metres.
 

@@ -1,0 +1,282 @@
+"""`groundpose estimate`: images or frames with keypoints in, poses out."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from groundpose._core import InputError, default_options
+from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.output import FORMATS, Output, Pictures, Style, mistakes, refuse
+from groundpose.cli.run import Result, Tilt, run
+from groundpose.formats.frames import Frame, FrameSource
+from groundpose.formats.records import pose_record, tilt_members
+from groundpose.poses import PoseBatch
+from groundpose.types import Options
+
+_DEFAULT = default_options()
+
+
+def _option(name: str, text: str, metavar: str | None = None, *, shown: str | None = None) -> Any:
+    """A command-line option for a field of `Options`; its default is the library's."""
+    default = _DEFAULT[name]
+    if shown is None:
+        shown = {True: "on", False: "off"}[default] if isinstance(default, bool) else str(default)
+    return typer.Option(help=text, metavar=metavar, show_default=shown, rich_help_panel="Method")
+
+
+_TAUS = " ".join(f"{tau:g}" for tau in _DEFAULT["hre_thresholds"])
+
+
+def estimate(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="INPUT",
+            help="An image, a folder of images or a video, with [bold]--boxes[/bold]; or frames with "
+            "keypoints: one (.json), JSON lines (.jsonl), or - for standard input.",
+        ),
+    ],
+    boxes: Annotated[
+        Path | None,
+        typer.Option(help="2D boxes: KITTI, COCO, nuScenes or JSON; of a folder one file or a folder."),
+    ] = None,
+    calib: Annotated[
+        Path | None,
+        typer.Option(
+            help="The camera: KITTI, OpenCV, ROS, nuScenes, JSON; of a folder one file or a folder."
+        ),
+    ] = None,
+    model: NetworkFile = None,
+    min_score: Annotated[
+        float | None, typer.Option(help="Leave out boxes whose score is lower.", show_default="none")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            help="File to write, or a folder. Of images it takes the pictures too, beside the file.",
+        ),
+    ] = None,
+    form: Annotated[
+        str, typer.Option("--format", help=f"{', '.join(FORMATS)}; default: table on a terminal, else jsonl.")
+    ] = "",
+    draw: Annotated[
+        Path | None, typer.Option(help="Write a picture; with several frames put {id} into its name.")
+    ] = None,
+    pictures: Annotated[
+        bool, typer.Option(help="Whether -o takes pictures of images.", show_default=False)
+    ] = True,
+    pitch_deg: Annotated[
+        float | None, typer.Option(help="Pitch of the camera, instead of the frames'.")
+    ] = None,
+    roll_deg: Annotated[
+        float | None, typer.Option(help="Roll of the camera, instead of the frames'.")
+    ] = None,
+    frame_tilt_sigma_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="How far off the tilt may be for a whole frame: it is estimated from all objects.",
+            metavar="DEG",
+            show_default="the tilt is as told",
+        ),
+    ] = None,
+    threads: Annotated[int | None, typer.Option(min=1, show_default="all cores", help="Threads.")] = None,
+    inlier_threshold: Annotated[
+        float | None, _option("inlier_threshold", "Pixels, for all objects.", "PX", shown="by the box")
+    ] = None,
+    relative_threshold: Annotated[
+        float | None,
+        _option("relative_threshold", "Inlier threshold over the longer side of the box.", "SHARE"),
+    ] = None,
+    confidence: Annotated[
+        float | None, _option("confidence", "Wanted probability of a good sample.", "P")
+    ] = None,
+    solver: Annotated[str | None, _option("solver", "auto, p1p, p3p, up2p or p1p_height.", "NAME")] = None,
+    cases: Annotated[
+        str | None, _option("cases", "Pairs of footprint corners: all or paper.", "NAME")
+    ] = None,
+    scoring: Annotated[str | None, _option("scoring", "msac or inliers.", "NAME")] = None,
+    refinement: Annotated[str | None, _option("refinement", "default, hre, re, gn or none.", "NAME")] = None,
+    hre_thresholds: Annotated[
+        tuple[float, float, float] | None,
+        _option("hre_thresholds", "tau 1, 2, 3 of hre over the inlier threshold.", "T T T", shown=_TAUS),
+    ] = None,
+    tilt_sigma_deg: Annotated[
+        float | None,
+        _option(
+            "tilt_sigma", "Standard deviation of objects' lean; inf: free.", "DEG", shown="by refinement"
+        ),
+    ] = None,
+    shape_prior: Annotated[
+        bool | None, _option("shape_prior", "Pull shapes to the mean.", shown="by refinement")
+    ] = None,
+    bbox_sigma: Annotated[
+        float | None,
+        _option(
+            "bbox_sigma", "Standard deviation of the box's sides; inf: not used.", "PX", shown="by refinement"
+        ),
+    ] = None,
+    covariance: Annotated[bool | None, _option("covariance", "Compute covariances.")] = None,
+    max_iterations: Annotated[
+        int | None, _option("max_iterations", "Most samples for one object.", "N")
+    ] = None,
+    min_keypoints: Annotated[int | None, _option("min_keypoints", "Fewest keypoints seen.", "N")] = None,
+    max_log10_nfa: Annotated[
+        float | None, _option("max_log10_nfa", "Most false alarms to expect, log10; inf: any.", "X")
+    ] = None,
+    score_weights: Annotated[
+        bool | None, _option("score_weights", "Weigh residuals by the keypoints' scores.")
+    ] = None,
+    seed: Annotated[int | None, _option("seed", "Of the random draws.", "N")] = None,
+) -> None:
+    """Estimate the poses of the vehicles of images, or of objects whose keypoints are known.
+
+    Of an image the bundled network finds the keypoints in the boxes; each
+    vehicle gets class, pose and shape. Frames are JSON: camera, tilt,
+    models, and of each object its keypoints, box and model. Results are
+    written as they come and stay when the run is interrupted.
+
+    Exit status: 1 when some images or lines were bad (the others are
+    done), 2 when nothing could be done.
+
+    [bold]Examples[/bold]
+
+      groundpose estimate street.png --boxes boxes.json --calib camera.json --pitch-deg -1.5 -o poses.jsonl
+
+      groundpose estimate training/image_2 --boxes training/label_2 --calib training/calib -o results/
+
+      groundpose estimate drive.mp4 --boxes coco.json --calib camera.json -o results/ --no-pictures
+
+      groundpose estimate frame.json --draw poses.png
+
+      zcat drive.jsonl.gz | groundpose estimate - --format kitti -o results/
+    """
+    typed = dict(locals())
+    typed["tilt_sigma"] = None if tilt_sigma_deg is None else math.radians(tilt_sigma_deg)
+    given = {name: typed[name] for name in _DEFAULT if typed[name] is not None}
+    form = form or ("table" if out is None and sys.stdout.isatty() else "jsonl")
+    if form not in FORMATS:
+        refuse(f"--format: expected {', '.join(FORMATS)}, got {form!r}")
+    angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
+    tilt = Tilt(*(None if angle is None else math.radians(angle) for angle in angles))
+    with mistakes():
+        job = _Job(Options(**given), threads, tilt, out, form, draw)
+        if boxes is not None or is_image(source):
+            status = job.images(source, boxes, calib, model, min_score, pictures)
+        else:
+            for_images = {"calib": calib, "model": model, "min-score": min_score}
+            status = job.frames(source, for_images | {"no-pictures": None if pictures else True})
+    raise typer.Exit(status)
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What is said of the method and of the results."""
+
+    options: Options
+    threads: int | None
+    tilt: Tilt
+    out: Path | None
+    form: str
+    draw: Path | None
+
+    def images(
+        self,
+        source: Path,
+        boxes: Path | None,
+        calib: Path | None,
+        model: Path | None,
+        min_score: float | None,
+        pictures: bool,
+    ) -> int:
+        """Estimate images; returns the exit status."""
+        from groundpose.cli.images import STYLE, ImageWork, destinations
+        from groundpose.keypoints.pipeline import Pipeline  # with the network and the vehicles' models
+
+        if boxes is None:
+            refuse(f"{source}: is an image or a folder; give the 2D boxes too, --boxes FILE")
+        pipeline = Pipeline(model, options=self.options, threads=self.threads)
+        work = ImageWork(
+            source, boxes, calib, self.tilt, -math.inf if min_score is None else min_score, pipeline
+        )
+        lines, picture = destinations(self.out, self.form, work.several)
+        for given in (source, boxes, calib):
+            if lines is not None and given is not None and lines.exists() and lines.samefile(given):
+                refuse(f"-o {self.out}: {lines} is an input; give another name")
+        drawn = self._pictures(work.several, picture if pictures else None)
+        return run(work, Output(lines, self.form, work.several, STYLE), drawn)
+
+    def frames(self, source: Path, for_images: Mapping[str, object]) -> int:
+        """Estimate frames that have keypoints; returns the exit status."""
+        for name, value in for_images.items():
+            if value is not None:
+                refuse(f"--{name}: is for images, which are given with --boxes")
+        with _open(source, self.out) as frames:
+            work = _FrameWork(frames, self.options, self.threads, self.tilt)
+            drawn = self._pictures(frames.several)
+            style = Style(pose_record if self.tilt.frame_sigma is None else _tilted_record)
+            return run(work, Output(self.out, self.form, frames.several, style), drawn)
+
+    def _pictures(self, several: bool, instead: Path | None = None) -> Pictures | None:
+        path = self.draw or instead
+        return None if path is None else Pictures(path, several)
+
+
+@dataclass(frozen=True)
+class _FrameWork:
+    """Frames with keypoints, estimated one after the other."""
+
+    source: FrameSource
+    options: Options
+    threads: int | None
+    tilt: Tilt
+    noun = "frames"
+    total = None
+
+    @property
+    def name(self) -> str:
+        return self.source.name
+
+    @property
+    def several(self) -> bool:
+        return self.source.several
+
+    def __iter__(self) -> Iterator[Result | InputError]:
+        for frame in self.source:
+            try:
+                if isinstance(frame, InputError):
+                    raise frame
+                told = replace(frame, view=self.tilt.of(frame.view))
+                poses = told.estimate(self.options, self.threads, self.tilt.frame_sigma)
+            except InputError as error:
+                yield error
+            else:
+                yield Result(told, poses)
+
+    def remarks(self) -> list[str]:
+        return []
+
+
+def _tilted_record(frame: Frame, poses: PoseBatch) -> str:
+    """With the tilt of the frame, which was estimated."""
+    return pose_record(frame, poses, tilt_members(poses.view))
+
+
+@contextmanager
+def _open(frames: Path, out: Path | None) -> Iterator[FrameSource]:
+    if str(frames) == "-":
+        yield FrameSource(sys.stdin.buffer, "standard input", Path())
+        return
+    if out is not None and out.exists() and frames.exists() and out.samefile(frames):
+        refuse(f"-o {out}: is the input; give another name")
+    with frames.open("rb") as stream:
+        yield FrameSource(stream, str(frames), frames.parent)

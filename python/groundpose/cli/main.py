@@ -1,0 +1,83 @@
+"""The command line: `groundpose estimate | demo | simulate | experiment | train | bench ...`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import groundpose
+from groundpose.cli.bench import bench
+from groundpose.cli.estimate import estimate
+from groundpose.cli.evaluate import app as evaluate
+from groundpose.cli.experiment import experiment
+from groundpose.cli.inputs import NetworkFile
+from groundpose.cli.output import console, mistakes
+from groundpose.cli.simulate import simulate
+from groundpose.cli.train import crops, export, train
+
+app = typer.Typer(
+    name="groundpose",
+    help="From one calibrated image, the 6-DoF pose and shape of every vehicle on the ground.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command(rich_help_panel="Commands")(estimate)
+app.command()(simulate)
+app.command()(experiment)
+app.add_typer(evaluate, name="evaluate")
+for command in (crops, train, export, bench):
+    app.command()(command)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"groundpose {groundpose.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """From one calibrated image, the 6-DoF pose and shape of every vehicle on the ground."""
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Picture to write (.png, .svg, .pdf).")] = Path(
+        "groundpose_demo.png"
+    ),
+    model: NetworkFile = None,
+) -> None:
+    """From a bundled image of a street to poses: print estimate and truth, write a picture.
+
+    [bold]Examples[/bold]
+
+      groundpose demo
+
+      groundpose demo --model mine.onnx --out /tmp/street.png
+    """
+    from groundpose.demo import run
+    from groundpose.draw import check_path
+
+    with mistakes():
+        check_path(out)
+        result = run(model)
+        console().print(result.table())
+        result.write_picture(out)
+    typer.echo(f"Picture: {out.resolve()}")
+
+
+def main() -> None:
+    """The `groundpose` command."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

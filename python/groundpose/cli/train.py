@@ -1,0 +1,223 @@
+"""`groundpose crops | train | export`: from the virtual drive to a network that ships."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from groundpose._core import InputError
+from groundpose.cli.output import console, mistakes, refuse
+
+if TYPE_CHECKING:
+    from groundpose.lab.training.loop import Trainer
+
+_SHOWN = ("within_visible", "within_hidden", "error_px_visible", "class_accuracy", "score_auc")
+_SMOKE_FRAMES = {"train": 320, "validation": 96, "test": 96}
+
+
+@contextmanager
+def _extra() -> Iterator[None]:
+    """An extra that is not installed is said in one line."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").split(".")[0]
+        if missing not in ("torch", "onnx", "onnxscript", "moderngl"):
+            raise
+        extra = "simulate" if missing == "moderngl" else "train"
+        refuse(f"{missing} is not installed: pip install 'groundpose[{extra}]'")
+
+
+def _bar() -> Progress:
+    screen = console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=screen, disable=not screen.is_terminal)
+
+
+def crops(
+    out: Annotated[Path, typer.Argument(help="Folder of the crops.")],
+    frames: Annotated[int, typer.Option(min=1, help="Frames of the drive.")] = 20_000,
+    split: Annotated[str, typer.Option(help="train, validation or test.")] = "train",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the drive.")] = 0,
+    first: Annotated[int, typer.Option(min=0, help="First frame; a multiple of a shard's frames.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes that draw.")] = 1,
+    toy: Annotated[bool, typer.Option(help="Painted stand-ins instead of the drive.")] = False,
+    large: Annotated[bool, typer.Option(help="Twice the pixels, for networks of 256 x 192.")] = False,
+) -> None:
+    """Draw training crops of the virtual drive. What is there already is not drawn again.
+
+    [bold]Examples[/bold]
+
+      groundpose crops data/crops --frames 60000 --jobs 2
+
+      groundpose crops data/crops --frames 3000 --split validation
+    """
+    with mistakes(), _extra():
+        from groundpose.lab.drive import SPLITS
+        from groundpose.lab.training.crops import STORED, write_crops
+        from groundpose.lab.training.rendered import rendered_samples
+        from groundpose.lab.training.toy import toy_samples
+
+        if split not in SPLITS:
+            raise TypeError(f"--split: expected one of {', '.join(SPLITS)}, got {split!r}")
+        codec = (
+            dataclasses.replace(STORED, width=2 * STORED.width, height=2 * STORED.height) if large else STORED
+        )
+        source = toy_samples if toy else rendered_samples
+        with _bar() as bar:
+            task = bar.add_task(f"{split} shards", total=None)
+
+            def advance(done: int, total: int) -> None:
+                bar.update(task, completed=done, total=total)
+
+            write_crops(
+                out, source, split, frames, seed=seed, first=first, codec=codec, jobs=jobs, advance=advance
+            )
+    typer.echo(f"Crops: {out.resolve()}")
+
+
+def train(
+    config: Annotated[str, typer.Argument(help="A configuration; [bold]list[/bold] names them.")],
+    data: Annotated[Path, typer.Option(help="Folder of crops.")] = Path("data/crops"),
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Folder of the run.", show_default="runs/CONFIG")
+    ] = None,
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Another value; repeat for more.")
+    ] = None,
+    minutes: Annotated[
+        float | None, typer.Option(help="Stop after so long; the same command goes on.")
+    ] = None,
+    initial: Annotated[
+        Path | None, typer.Option(help="Begin with the weights of this run, of the same network.")
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads that train.")] = 1,
+    workers: Annotated[int, typer.Option(min=0, help="Threads that prepare batches beside them.")] = 0,
+) -> None:
+    """Train a keypoint network; goes on where the folder's checkpoint is.
+
+    [bold]smoke[/bold] needs no data: it paints its own, trains, exports and prints its accuracy.
+
+    [bold]Examples[/bold]
+
+      groundpose train smoke -o /tmp/smoke
+
+      groundpose train lite32 --data data/crops --set epochs=40 --set seed=1 --threads 2
+
+      groundpose train lite32 --initial runs/lite32 -o runs/lite32_longer
+    """
+    with mistakes(), _extra():
+        from groundpose.lab.training.configs import CONFIGS, NETWORKS, changed, train_config
+
+        if config == "list":
+            for name, row in CONFIGS.items():
+                size = NETWORKS[row.network]
+                recipe = f"{row.epochs:g} epochs, {row.optimizer}, {row.schedule}"
+                typer.echo(f"{name:20} {size.width} x {size.height}, {recipe}")
+            return
+        wanted = changed(train_config(config), **_values(changes or []))
+        folder = out or Path("runs") / config
+        if config == "smoke":
+            data = _toy_crops(folder / "crops")
+        import torch
+
+        from groundpose.lab.training.loop import Trainer
+
+        torch.set_num_threads(threads)
+        trainer = Trainer(wanted, data, folder, workers=workers, initial=initial)
+        ended = _train(trainer, minutes)
+        if ended and config == "smoke":
+            export(folder, folder / "smoke.onnx", data, folder / "smoke_int8.onnx")
+    typer.echo(f"Run: {folder.resolve()}" + ("" if ended else " (not finished: the same command goes on)"))
+
+
+def export(
+    run: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="ONNX file to write.")],
+    data: Annotated[Path, typer.Option(help="Folder of crops: calibrates scores and int8.")] = Path(
+        "data/crops"
+    ),
+    int8: Annotated[Path | None, typer.Option(help="Write an int8 version too.")] = None,
+    mirrored: Annotated[
+        bool, typer.Option(help="Average with the mirror image: twice the time, fewer wrong keypoints.")
+    ] = False,
+    limit: Annotated[int | None, typer.Option(min=1, help="Most crops to judge on.")] = None,
+) -> None:
+    """Write a trained network as ONNX, scores calibrated, with all it says of itself; print its metrics.
+
+    [bold]Example[/bold]
+
+      groundpose export runs/lite32 -o lite32.onnx --int8 lite32_int8.onnx
+    """
+    with mistakes(), _extra():
+        from groundpose.lab.training.release import release
+
+        told = run / "command.txt"
+        command = told.read_text().strip() if told.exists() else ""
+        done = release(run, data, out, int8=int8, mirrored=mirrored, command=command, limit=limit)
+        table = Table(title="Held-out crops", title_justify="left")
+        files = [(done.path, done.metrics)] + ([(done.int8, done.int8_metrics)] if done.int8 else [])
+        for column in ("", *(f"{path.name} ({path.stat().st_size / 1e6:.1f} MB)" for path, _ in files)):
+            table.add_column(column, justify="right" if column else "left")
+        for name in done.metrics:
+            table.add_row(name, *(f"{metrics[name]:.4g}" for _, metrics in files))
+        console().print(table)
+
+
+def _train(trainer: Trainer, minutes: float | None) -> bool:
+    """With a bar on a terminal, a line an evaluation elsewhere."""
+    from groundpose.lab.training.log import Progress as Told
+    from groundpose.lab.training.loop import Limits
+
+    name = trainer.config.network
+    told = trainer.folder / "command.txt"
+    if not told.exists():
+        told.write_text(" ".join(["groundpose", *sys.argv[1:]]) + "\n")
+    with _bar() as bar:
+        task = bar.add_task(name, total=trainer.steps, completed=trainer.step)
+
+        def tell(now: Told) -> None:
+            text = f"{name} loss {now.losses['total']:.3f}, {now.crops_per_second:.0f} crops/s"
+            bar.update(task, completed=now.step, description=text)
+            if now.metrics:
+                numbers = ", ".join(
+                    f"{name} {now.metrics[name]:.3f}" for name in _SHOWN if name in now.metrics
+                )
+                bar.console.print(f"{now.step}/{now.steps} loss {now.losses['total']:.3f}, {numbers}")
+
+        try:
+            return trainer.run(Limits(minutes=minutes, evaluations=5 if name == "toy" else 20), tell)
+        except KeyboardInterrupt:
+            return False
+
+
+def _toy_crops(folder: Path) -> Path:
+    from groundpose.lab.training.crops import write_crops
+    from groundpose.lab.training.toy import toy_samples
+
+    for split, frames in _SMOKE_FRAMES.items():
+        write_crops(folder, toy_samples, split, frames)
+    return folder
+
+
+def _values(changes: list[str]) -> dict[str, object]:
+    """NAME=VALUE as Python values; what is no number, true or false is a word."""
+    made: dict[str, object] = {}
+    for change in changes:
+        name, equals, value = change.partition("=")
+        if not equals:
+            raise InputError(f"--set: expected NAME=VALUE, got {change!r}")
+        try:
+            made[name] = json.loads(value)
+        except json.JSONDecodeError:
+            made[name] = value
+    return made

@@ -1,0 +1,1 @@
+"""KITTI: results, labels, folders of frames, tables of vehicles."""

@@ -1,0 +1,94 @@
+"""KITTI vehicles as a table (.npz): the rows of many frames without images, as `KittiSet` gives them.
+
+Arrays: `rows` (N, C) with the columns named in `cols` (split, seq, frame, track, cls, trunc, occ, alpha,
+x1, y1, x2, y2, h, w, l, x, y, z, ry, det_score, det_x1 ... det_y2, imgW, imgH), `classes`, `P2_by_seq` (S,
+3, 4). Every detection belongs to a label there, so that its average precision knows no wrong ones.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from groundpose._checks import FloatArray, input_error
+from groundpose.formats.kitti.dataset import KittiFrame, read_split
+from groundpose.formats.kitti.labels import KittiLabel
+from groundpose.formats.skips import Skips
+
+_ARRAYS = ("rows", "cols", "classes", "P2_by_seq")
+
+
+@dataclass(frozen=True)
+class KittiTable:
+    """Frames are called `SS/FFFFFF`, after sequence and frame."""
+
+    root: Path
+    with_detections: bool = False
+
+    @cached_property
+    def _content(self) -> dict[str, Any]:
+        try:
+            with np.load(self.root, allow_pickle=False) as data:
+                content = {name: data[name] for name in _ARRAYS}
+        except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise input_error(str(self.root), f"arrays {', '.join(_ARRAYS)}", error) from None
+        return {**content, "cols": content["cols"].tolist(), "classes": content["classes"].tolist()}
+
+    @cached_property
+    def _frames(self) -> dict[str, list[int]]:
+        """Rows of each frame."""
+        seq, frame = (self._column(name).astype(int).tolist() for name in ("seq", "frame"))
+        found: dict[str, list[int]] = {}
+        for row, (s, f) in enumerate(zip(seq, frame, strict=True)):
+            found.setdefault(f"{s:02d}/{f:06d}", []).append(row)
+        return found
+
+    def _column(self, name: str) -> FloatArray:
+        columns: list[str] = self._content["cols"]
+        if name not in columns:
+            raise input_error(str(self.root), f"a column {name}", ", ".join(columns))
+        return np.asarray(self._content["rows"][:, columns.index(name)])
+
+    def ids(self, split: Path | None = None, skipped: Skips | None = None) -> list[str]:
+        """Names of the frames: those of the sequences in an ImageSets file, or all."""
+        if split is None:
+            return sorted(self._frames)
+        wanted = read_split(split, Skips() if skipped is None else skipped)
+        return sorted(name for name in self._frames if name.partition("/")[0] in wanted)
+
+    def read(self, frame_id: str, skipped: Skips) -> KittiFrame | None:
+        """One frame."""
+        rows = self._frames.get(frame_id)
+        if rows is None:
+            skipped.add("frame that is not in the table", frame_id)
+            return None
+        projection = self._content["P2_by_seq"][int(frame_id.partition("/")[0])]
+        size = (int(self._column("imgW")[rows[0]]), int(self._column("imgH")[rows[0]]))
+        labels = [self._label(row) for row in rows]
+        detections = [self._detection(row) for row in rows if np.isfinite(self._column("det_score")[row])]
+        return KittiFrame(
+            frame_id, projection, size, None, labels, detections if self.with_detections else None
+        )
+
+    def _values(self, row: int, names: str) -> list[float]:
+        return [float(self._column(name)[row]) for name in names.split()]
+
+    def _label(self, row: int) -> KittiLabel:
+        kind, truncated, occluded, alpha = self._values(row, "cls trunc occ alpha")
+        left, top, right, bottom = self._values(row, "x1 y1 x2 y2")
+        height, width, length, x, y, z, angle = self._values(row, "h w l x y z ry")
+        box, size = (left, top, right, bottom), (height, width, length)
+        return KittiLabel(
+            self._content["classes"][int(kind)], truncated, int(occluded), alpha, box, *size, (x, y, z), angle
+        )
+
+    def _detection(self, row: int) -> KittiLabel:
+        kind, score, left, top, right, bottom = self._values(row, "cls det_score det_x1 det_y1 det_x2 det_y2")
+        box, nowhere = (left, top, right, bottom), (-1000.0, -1000.0, -1000.0)
+        kind_name = self._content["classes"][int(kind)]
+        return KittiLabel(kind_name, -1.0, -1, -10.0, box, -1.0, -1.0, -1.0, nowhere, -10.0, score)

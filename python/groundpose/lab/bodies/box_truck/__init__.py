@@ -1,0 +1,1 @@
+"""Box trucks: plan, shell, fittings."""

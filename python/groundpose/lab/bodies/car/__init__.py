@@ -1,0 +1,1 @@
+"""Cars: plan, shell, fittings."""

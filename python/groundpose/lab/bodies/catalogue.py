@@ -1,0 +1,66 @@
+"""Any vehicle by class and number."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+
+from groundpose._checks import FloatArray, count, input_error
+from groundpose.lab.bodies.body import Body
+from groundpose.lab.bodies.box_truck import body as box_truck
+from groundpose.lab.bodies.car import body as car
+from groundpose.lab.bodies.pickup import body as pickup
+from groundpose.lab.bodies.van_bus import body as van_bus
+from groundpose.vehicles.keypoints import KINDS
+
+# How often each style of a class is met; the shape models are made of the same mixture.
+_SHARES: dict[str, dict[str, float]] = {
+    "car": {"sedan": 0.26, "hatchback": 0.40, "estate": 0.11, "suv": 0.18, "coupe": 0.05},
+    "van_bus": {"van": 0.42, "minibus": 0.22, "city_bus": 0.20, "coach": 0.16},
+    "pickup": {"single_cab": 0.35, "double_cab": 0.65},
+    "box_truck": {"cab_gap": 0.65, "no_gap": 0.35},
+}
+STYLES: dict[str, tuple[str, ...]] = {kind: tuple(shares) for kind, shares in _SHARES.items()}
+"""Styles of each class."""
+_BUILDERS: dict[str, ModuleType] = {"car": car, "van_bus": van_bus, "pickup": pickup, "box_truck": box_truck}
+
+
+def body(kind: str, seed: int, style: str | None = None) -> Body:
+    """The vehicle of class `kind` with number `seed`; the same arguments give the same bytes.
+
+    Args:
+        kind: class, one of `KINDS`.
+        seed: 0 or larger.
+        style: one of `STYLES[kind]`; None: drawn from the seed as often as each is met on the road.
+
+    Raises:
+        InputError: an unknown class or style, a negative seed.
+    """
+    drawn = style_of(kind, seed)  # checks class and seed
+    if style is not None and style not in STYLES[kind]:
+        raise input_error("style", f"one of {', '.join(STYLES[kind])}", repr(style))
+    made: Body = _BUILDERS[kind].build(style or drawn, seed)
+    return made
+
+
+def keypoints_of(kind: str, seed: int) -> FloatArray:
+    """`body(kind, seed).keypoints_3d` (P, 3), made without the mesh."""
+    return outline(kind, seed)[0]
+
+
+def outline(kind: str, seed: int) -> tuple[FloatArray, FloatArray]:
+    """`keypoints_3d` (P, 3) and `bbox_3d` (2, 3) of `body(kind, seed)`, made without the mesh."""
+    made: tuple[FloatArray, FloatArray] = _BUILDERS[kind].keypoints(style_of(kind, seed), seed)
+    return made
+
+
+def style_of(kind: str, seed: int) -> str:
+    """The style that `body(kind, seed)` has. A stream of its own: bodies stay when the shares change."""
+    if kind not in KINDS:
+        raise input_error("kind", f"one of {', '.join(KINDS)}", repr(kind))
+    rng = np.random.Generator(
+        np.random.PCG64(np.random.SeedSequence((count("seed", seed), KINDS.index(kind))))
+    )
+    shares = _SHARES[kind]
+    return STYLES[kind][int(rng.choice(len(shares), p=list(shares.values())))]

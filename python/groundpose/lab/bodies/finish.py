@@ -1,0 +1,57 @@
+"""The last steps every body shares: keypoints of both sides in order, components to one mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from groundpose._checks import FloatArray
+from groundpose.lab.bodies.body import Body
+from groundpose.lab.bodies.geometry.mesh import Component, assemble
+from groundpose.vehicles.keypoints import KEYPOINTS, keypoint_indices
+
+_MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+def mirrored_keypoints(
+    kind: str, right: Mapping[str, FloatArray], middle: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Keypoints (P, 3) of a class in order, from those of the right side and the middle.
+
+    The names of the right side come without "right_".
+    """
+    rows = []
+    for i in keypoint_indices(kind):
+        side, _, name = KEYPOINTS[i].name.partition("_")
+        if KEYPOINTS[i].partner is None:
+            rows.append(middle[KEYPOINTS[i].name])
+        else:
+            rows.append(right[name] if side == "right" else right[name] * _MIRROR)
+    return np.array(rows)
+
+
+def finished(
+    kind: str,
+    style: str,
+    seed: int,
+    components: Sequence[Component],
+    keypoints_3d: FloatArray,
+    bbox_3d: FloatArray,
+    wheels: FloatArray,
+) -> Body:
+    """The body of components, all in the object frame."""
+    mesh = assemble(components)
+    return Body(
+        kind,
+        style,
+        seed,
+        mesh.vertices,
+        mesh.normals,
+        mesh.faces,
+        mesh.materials,
+        mesh.parts,
+        keypoints_3d,
+        bbox_3d,
+        wheels,
+    )

@@ -1,0 +1,91 @@
+"""`python -m groundpose.lab.bodies.make_models`: principal components of many bodies of each class.
+
+The bodies are aligned as they are made: all in metres, in one frame, standing on the ground with the origin
+under the middle of the box. There is no Procrustes alignment: it would take out size and position, which are
+part of what varies between vehicles and of what a pose is relative to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from rich.progress import Progress
+
+from groundpose._checks import FloatArray
+from groundpose.lab.bodies.catalogue import outline
+from groundpose.shape import ShapeModel
+from groundpose.vehicles.keypoints import KINDS, keypoint_names
+from groundpose.vehicles.shape_models import FOLDER
+
+BODIES = 2000
+"""Bodies of each class: seeds 0 to `BODIES - 1`."""
+LEFT_M = 0.04
+"""As many modes are kept as leave this root mean square distance to the keypoints of a body, metres: below
+the noise of a detector's keypoints, 1 to 3 % of the vehicle."""
+FEWEST, MOST = 5, 10
+"""Least and largest number of modes; the core takes no more than 10."""
+
+
+def outlines(kind: str, count: int, first: int = 0) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Keypoints (P, 3) and 3D box (2, 3) of the bodies with seeds `first` to `first + count - 1`."""
+    return (outline(kind, seed) for seed in range(first, first + count))
+
+
+def variances(stack: FloatArray) -> FloatArray:
+    """Variance (3 P,) of aligned keypoints (S, P, 3) along each principal component, decreasing, m^2."""
+    flat = (stack - stack.mean(axis=0)).reshape(len(stack), -1)
+    return np.clip(np.linalg.eigvalsh(flat.T @ flat / (len(stack) - 1))[::-1], 0.0, None)
+
+
+def modes_needed(stack: FloatArray) -> int:
+    """How many modes leave less than `LEFT_M`."""
+    variance = variances(stack)
+    left = np.sqrt((variance.sum() - np.cumsum(variance)).clip(0.0) / stack.shape[1])
+    return int(np.clip(np.count_nonzero(left > LEFT_M) + 1, FEWEST, MOST))
+
+
+def fit(kind: str, stack: FloatArray, boxes: FloatArray) -> ShapeModel:
+    """The shape model of keypoints (S, P, 3) and boxes (S, 2, 3); its box follows the shape."""
+    modes = modes_needed(stack)
+    model = ShapeModel.fit(stack, modes, bbox_3d=boxes, keypoint_names=keypoint_names(kind), name=kind)
+    # The sign of a mode is free: fixed here, so that every machine writes the same file.
+    flat = model.basis.reshape(modes, -1)
+    largest = flat[np.arange(modes), np.abs(flat.round(6)).argmax(axis=1)]
+    sign = np.sign(largest)[:, None, None]
+    assert model.bbox_basis is not None
+    return ShapeModel(
+        model.keypoints_3d.round(6),
+        model.bbox_3d.round(6),
+        (sign * model.basis).round(6),
+        model.eigenvalues.round(6),
+        model.keypoint_names,
+        name=kind,
+        bbox_basis=(sign * model.bbox_basis).round(6),
+    )
+
+
+def make(
+    folder: Path = FOLDER, count: int = BODIES, advance: Callable[[str], None] = lambda kind: None
+) -> None:
+    """Write `KIND.npz` of every class into `folder`; `advance` is told after every body."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for kind in KINDS:
+        rows = []
+        for row in outlines(kind, count):
+            rows.append(row)
+            advance(kind)
+        points, boxes = (np.stack(arrays) for arrays in zip(*rows, strict=True))
+        fit(kind, points, boxes).save(folder / f"{kind}.npz")
+
+
+def main() -> None:
+    """Write the models that ship."""
+    with Progress() as progress:
+        bars = {kind: progress.add_task(kind, total=BODIES) for kind in KINDS}
+        make(advance=lambda kind: progress.advance(bars[kind]))
+
+
+if __name__ == "__main__":
+    main()

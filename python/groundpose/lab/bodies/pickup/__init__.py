@@ -1,0 +1,1 @@
+"""Pickups: plan, shell, fittings."""

@@ -1,0 +1,109 @@
+"""One simulated frame as text: a JSON line for `groundpose estimate`, KITTI labels, a row of tilt.csv."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from groundpose._checks import FloatArray
+from groundpose.formats.frames import BUNDLED
+from groundpose.formats.kitti.labels import TYPE_OF, KittiLabel
+from groundpose.lab.drive.labels import OUTSIDE, VISIBLE, Label
+from groundpose.lab.drive.scene import Scene
+
+TILT_COLUMNS = (
+    *("frame", "drive", "pitch_deg", "roll_deg", "camera_height", "speed", "road"),
+    *("R_world_00", "R_world_01", "R_world_02", "R_world_10", "R_world_11", "R_world_12"),
+    *("R_world_20", "R_world_21", "R_world_22", "x", "y", "z"),
+)
+"""Columns of tilt.csv: tilt against the road under the camera, and the camera's pose, camera_from_world."""
+
+
+def frame_line(scene: Scene, labels: Sequence[Label], drive: int, image: str | None) -> str:
+    """The JSON line of a frame, see `formats.frames`.
+
+    The camera is told level: the truth stands in `_tilt`. Members with `_` are notes that the reader of
+    frames skips; docs/simulation.md lists them.
+    """
+    camera = scene.camera
+    record: dict[str, Any] = {
+        "id": scene.number,
+        "camera": {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "image_size")},
+        **({} if image is None else {"image": image}),
+        "models": {kind: BUNDLED + kind for kind in dict.fromkeys(label.kind for label in labels)},
+        "objects": [_object(label) for label in labels],
+        "_drive": drive,
+        "_seed": scene.seed,
+        "_split": scene.split,
+        "_road": scene.road.layout.kind,
+        "_light": scene.light.kind,
+        "_speed": round(scene.speed, 3),
+        "_tilt": {
+            "pitch_deg": round(math.degrees(scene.pitch), 6),
+            "roll_deg": round(math.degrees(scene.roll), 6),
+            "camera_height": round(scene.height, 4),
+        },
+        "_camera_from_world": {
+            "R": _rounded(scene.R_camera_from_world, 9),
+            "t": _rounded(scene.t_camera_from_world, 6),
+        },
+    }
+    return json.dumps(record, allow_nan=False) + "\n"
+
+
+def _object(label: Label) -> dict[str, Any]:
+    states = label.keypoint_states.tolist()
+    pixels = _rounded(label.keypoints_2d, 3)
+    return {
+        "id": label.index,
+        "model": label.kind,
+        "keypoints_2d": [None if state == OUTSIDE else p for p, state in zip(pixels, states, strict=True)],
+        "keypoint_scores": [float(state == VISIBLE) for state in states],
+        "bbox": _rounded(label.bbox, 3),
+        "truth": {"R": _rounded(label.R, 9), "t": _rounded(label.t, 6)},
+        "_keypoint_states": states,
+        "_keypoints_3d": _rounded(label.keypoints_3d, 5),
+        "_bbox_3d": _rounded(label.bbox_3d, 5),
+        "_bbox_full": _rounded(label.bbox_full, 3),
+        "_truncation": round(label.truncation, 4),
+        "_occlusion": label.occlusion,
+        "_occluded_share": round(label.occluded_share, 4),
+        "_body": {"kind": label.kind, "style": label.style, "seed": label.seed},
+        "_state": label.state,
+        "_plane_pitch_deg": round(math.degrees(label.plane_pitch), 6),
+        "_plane_roll_deg": round(math.degrees(label.plane_roll), 6),
+    }
+
+
+def _rounded(array: FloatArray, digits: int) -> Any:
+    return array.round(digits).tolist()
+
+
+def kitti_label(label: Label) -> KittiLabel:
+    """The label as KITTI has it."""
+    length, height, width = label.size
+    left, top, right, bottom = label.bbox.tolist()
+    x, y, z = label.location.tolist()
+    return KittiLabel(
+        type=TYPE_OF[label.kind],
+        truncated=label.truncation,
+        occluded=label.occlusion,
+        alpha=label.alpha,
+        bbox=(left, top, right, bottom),
+        height=height,
+        width=width,
+        length=length,
+        location=(x, y, z),
+        rotation_y=label.rotation_y,
+    )
+
+
+def tilt_row(frame: dict[str, Any]) -> str:
+    """A line of tilt.csv from a frame's record."""
+    tilt, pose = frame["_tilt"], frame["_camera_from_world"]
+    angles = (tilt["pitch_deg"], tilt["roll_deg"], tilt["camera_height"])
+    rotation = [x for row in pose["R"] for x in row]
+    values = (frame["id"], frame["_drive"], *angles, frame["_speed"], frame["_road"], *rotation, *pose["t"])
+    return ",".join(str(value) for value in values) + "\n"

@@ -1,0 +1,83 @@
+"""The drawing context: OpenGL without a display."""
+
+from __future__ import annotations
+
+import contextlib
+from functools import cache
+from importlib import import_module
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+HELP = (
+    "the renderer needs OpenGL without a display (EGL): on Debian and Ubuntu "
+    "`apt-get install libegl1 libgl1-mesa-dri`, and `pip install groundpose[simulate]`"
+)
+_NEEDED = 330
+
+
+@cache
+def context() -> Any:
+    """The one context of the process (moderngl.Context).
+
+    Raises:
+        RuntimeError: moderngl or EGL is missing; the text names the packages to install.
+    """
+    # triton, which torch loads late, brings an LLVM that crashes when it comes after the renderer's
+    with contextlib.suppress(ImportError):
+        import_module("triton")
+    try:
+        import moderngl
+    except ImportError as error:
+        raise RuntimeError(f"{HELP} ({error})") from None
+    try:
+        made = moderngl.create_context(standalone=True, backend="egl", require=_NEEDED)  # type: ignore[arg-type]
+    except Exception as error:  # moderngl raises plain Exception for a missing library or device
+        raise RuntimeError(f"{HELP} ({error})") from None
+    return made
+
+
+# Programs lit at the corners of their faces; the others are lit by the pixel.
+_LIT_CORNERS = ("leaf",)
+_UNLIT = ("contact", "average")
+_PATTERNS = ("PLATE", "GRILLE", "HEADLAMP", "TAILLAMP", "DISPLAY", "CABIN")
+
+
+def pattern(name: str) -> float:
+    """The number of a pattern of vehicle.glsl; 0 for none."""
+    return 1.0 + _PATTERNS.index(name) if name else 0.0
+
+
+def program(name: str, fragment: str | None = None, defines: tuple[str, ...] = ()) -> Any:
+    """Compile `shaders/<name>.vert` with `<fragment or name>.frag`, with the lighting code where it is used.
+
+    CORNERS among the defines moves the lighting of a vehicle from the pixels to the corners of the faces.
+    """
+    values = [*defines, *(f"{p} {pattern(p)}" for p in _PATTERNS)]
+    head = "#version 330\n" + "".join(f"#define {d}\n" for d in values)
+    light = "" if fragment == "depth" or name in _UNLIT else _source("light.glsl")
+    if name == "vehicle" and light:
+        light += _source("vehicle.glsl")
+    corners = name in _LIT_CORNERS or "CORNERS" in defines
+    vertex = head + (light if corners else "") + _source(f"{name}.vert")
+    return context().program(
+        vertex_shader=vertex,
+        # a leaf's pixel needs the haze alone, but the names must be known
+        fragment_shader=head + ("" if "CORNERS" in defines else light) + _source(f"{fragment or name}.frag"),
+    )
+
+
+def _source(name: str) -> str:
+    return (files("groundpose.lab.drive.render") / "shaders" / name).read_text("utf-8")
+
+
+def set_uniforms(target: Any, values: dict[str, Any]) -> None:
+    """Set those values that the program uses; the compiler drops the others. Arrays are float32."""
+    for name, value in values.items():
+        if name not in target:
+            continue
+        if isinstance(value, np.ndarray):
+            target[name].write(value.tobytes())
+        else:
+            target[name] = value

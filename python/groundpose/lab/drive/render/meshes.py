@@ -1,0 +1,232 @@
+"""Meshes on the side of OpenGL: made once, kept while there is room, drawn many times."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose.lab.bodies.body import MATERIALS, Body
+from groundpose.lab.drive import props
+from groundpose.lab.drive.render.context import context
+from groundpose.lab.drive.render.textures import layer
+
+Floats = NDArray[np.float32]
+Faces = NDArray[np.int32]
+Level = tuple[Floats, Faces, int]  # vertices, faces, number of the first face of the second part
+
+# Floats of an instance: three rows of world_from_object, four more vectors.
+INSTANCE_FLOATS = 28
+_ROWS = "4f 4f 4f 4f 4f 4f 4f/i"
+
+# Levels of detail, fine first: drawn pixels per metre from which a level is used, and what makes it.
+BODY_LEVELS = (
+    (90.0, 0.0),
+    (45.0, 0.035),
+    (22.0, 0.08),
+    (10.0, 0.16),
+    (0.0, 0.3),
+)  # corners within these metres become one
+PROP_LEVELS = ((50.0, 1), (22.0, 3), (10.0, 8), (0.0, 16))  # of so many twigs one is drawn, larger
+_LAID_ON = ("seam", "plate")
+_LEFT_OUT = {"underbody": 0.03, "seam": 0.08, "plate": 0.3}  # cells from which a material is not seen
+# What lies behind glass, turns or is small anyway has cells so many times larger than the panels.
+_COARSER = {
+    "interior": 4.0,
+    "seat": 3.0,
+    "metal": 2.0,
+    "rim": 1.7,
+    "tyre": 1.5,
+    "chrome": 1.5,
+    "plastic": 1.4,
+}
+# Faces with longer edges (metres) are cut: light worked out at corners must not skip a shadow.
+_LONGEST_EDGE = 0.35
+
+
+@dataclass(frozen=True)
+class Format:
+    """How a mesh's vertices go into a program: layout and names, then those of the instance."""
+
+    layout: str
+    names: tuple[str, ...]
+    instance: tuple[str, ...]
+
+
+VEHICLE = Format(
+    "3f 3f 3f 1f",
+    ("in_position", "in_normal", "in_local", "in_material"),
+    ("in_row0", "in_row1", "in_row2", "in_paint", "in_second", "in_state", "in_extra"),
+)
+PROP = Format(
+    "3f 3f 2f 2f 4f",
+    ("in_position", "in_normal", "in_uv", "in_layer", "in_colour"),
+    ("in_row0", "in_row1", "in_row2", "in_size", "in_tint", "in_spare0", "in_spare1"),
+)
+
+
+class GpuMesh:
+    """All levels of detail of one mesh, each in two parts: solid faces, then panes or leaves."""
+
+    def __init__(self, programs: dict[str, Any], kind: Format, levels: Sequence[Level]) -> None:
+        """Upload the levels into one buffer, with a vertex array for every program."""
+        gl = context()
+        vertices = np.concatenate([v for v, _, _ in levels])
+        offsets = np.cumsum([0, *(len(v) for v, _, _ in levels)])
+        faces = np.concatenate([f + o for (_, f, _), o in zip(levels, offsets[:-1], strict=True)])
+        counts = np.cumsum([0, *(n for _, f, split in levels for n in (split, len(f) - split))])
+        self._parts: list[int] = (3 * counts).tolist()
+        self.box = np.stack([levels[0][0][:, :3].min(axis=0), levels[0][0][:, :3].max(axis=0)]).astype(float)
+        vbo = gl.buffer(np.ascontiguousarray(vertices, dtype="f4"))
+        ibo = gl.buffer(np.ascontiguousarray(faces, dtype="i4"))
+        self._instances = gl.buffer(reserve=4 * INSTANCE_FLOATS, dynamic=True)
+        self._buffers = (vbo, ibo, self._instances)
+        self._arrays = {
+            name: gl.vertex_array(
+                program,
+                [
+                    _used(program, vbo, kind.layout, kind.names),
+                    _used(program, self._instances, _ROWS, kind.instance),
+                ],
+                index_buffer=ibo,
+            )
+            for name, program in programs.items()
+        }
+
+    def fill(self, table: Floats) -> None:
+        """Put instances (N, INSTANCE_FLOATS) in place."""
+        if table.nbytes > self._instances.size:
+            self._instances.orphan(2 * table.nbytes)
+        self._instances.write(np.ascontiguousarray(table))
+
+    def draw(self, name: str, instances: int, level: int = 0, second: bool = False) -> None:
+        """Draw the first or the second part of a level."""
+        part = 2 * level + second
+        first, last = self._parts[part], self._parts[part + 1]
+        if last > first:
+            self._arrays[name].render(vertices=last - first, first=first, instances=instances)
+
+    def release(self) -> None:
+        """Give the memory back."""
+        for item in (*self._arrays.values(), *self._buffers):
+            item.release()
+
+
+def _used(program: Any, buffer: Any, layout: str, names: tuple[str, ...]) -> tuple[Any, ...]:
+    """Attributes the compiler kept; the others become gaps."""
+    suffix = "/i" if layout.endswith("/i") else ""
+    parts = layout.removesuffix("/i").split()
+    kept = [p if n in program else f"{4 * int(p[:-1])}x" for p, n in zip(parts, names, strict=True)]
+    return (buffer, " ".join(kept) + suffix, *[n for n in names if n in program])
+
+
+class Pool:
+    """The most recently used meshes; the others are released."""
+
+    def __init__(self, size: int) -> None:
+        """Keep at most `size` meshes."""
+        self._size = size
+        self._meshes: OrderedDict[Hashable, GpuMesh] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], GpuMesh]) -> GpuMesh:
+        """The mesh of `key`, made when it is not there."""
+        found = self._meshes.get(key)
+        if found is None:
+            found = self._meshes[key] = make()
+        self._meshes.move_to_end(key)
+        return found
+
+    def trim(self) -> None:
+        """Release the longest unused meshes beyond the size; call when none is waiting to be drawn."""
+        while len(self._meshes) > self._size:
+            self._meshes.popitem(last=False)[1].release()
+
+
+def level_of(levels: Sequence[tuple[float, float]], pixels_per_metre: float) -> int:
+    """The first level made for so few pixels."""
+    return next(i for i, (least, _) in enumerate(levels) if pixels_per_metre >= least)
+
+
+def vehicle_levels(body: Body) -> list[Level]:
+    """Vertices (V, 10): position, normal, place within the part, material; faces with the panes last."""
+    parts, materials = body.parts.astype(np.int64), body.materials.astype(np.int64)
+    corner = (body.faces.astype(np.int64) * 65536 + parts[:, None]) * 64 + materials[:, None]
+    keys, back = np.unique(corner, return_inverse=True)
+    vertex, part, material = keys // (64 * 65536), keys // 64 % 65536, keys % 64
+    position = body.vertices[vertex]
+    low = np.full((parts.max() + 1, 3), np.inf)
+    high = -low
+    np.minimum.at(low, part, position)
+    np.maximum.at(high, part, position)
+    middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-4)
+    data = np.column_stack([position, body.normals[vertex], (position - middle[part]) / half[part], material])
+    vertices, faces = _cut(data.astype(np.float32), back.reshape(-1, 3).astype(np.int32))
+    panes = vertices[faces[:, 0], 9] == MATERIALS.index("glass")
+    order = np.argsort(panes, kind="stable")
+    fine = vertices, faces[order], int((~panes).sum())
+    return [fine if cell == 0.0 else _clustered(*fine, cell) for _, cell in BODY_LEVELS]
+
+
+def _cut(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
+    """Halve the longest edge of large faces until all are short; cracks cannot show on flat faces."""
+    for _ in range(8):
+        corners = vertices[faces, :3]
+        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        long = edges.max(axis=1) > _LONGEST_EDGE
+        if not long.any():
+            break
+        a, b, c = (
+            np.take_along_axis(faces[long], (edges[long].argmax(axis=1)[:, None] + k) % 3, 1)[:, 0]
+            for k in range(3)
+        )
+        m = len(vertices) + np.arange(len(a), dtype=np.int32)
+        vertices = np.concatenate([vertices, 0.5 * (vertices[a] + vertices[b])])
+        faces = np.concatenate([faces[~long], np.stack([a, m, c], 1), np.stack([m, b, c], 1)]).astype(
+            np.int32
+        )
+    return vertices, faces
+
+
+def _clustered(vertices: Floats, faces: Faces, split: int, cell: float) -> Level:
+    """Corners in a cell, of one material and about one direction, become one (Rossignac and Borrel, 1993)."""
+    times = np.array([_COARSER.get(name, 1.0) for name in MATERIALS])[vertices[:, 9].astype(np.int64)]
+    place = np.floor(vertices[:, :3] / (cell * times[:, None])).astype(np.int64) + 1024
+    facing = np.rint(vertices[:, 3:6] * 0.8).astype(np.int64) + 1
+    spot = (place[:, 0] * 2048 + place[:, 1]) * 2048 + place[:, 2]
+    # Thin pieces that lie on others must not sink into them.
+    laid = np.isin(vertices[:, 9], [MATERIALS.index(name) for name in _LAID_ON])
+    spot[laid] = -1 - np.arange(laid.sum())
+    key = (spot * 27 + facing @ [9, 3, 1]) * 32 + vertices[:, 9].astype(np.int64)
+    _, first, back = np.unique(key, return_index=True, return_inverse=True)
+    merged = vertices[first]
+    number = np.bincount(back)
+    for axis in range(3):
+        merged[:, axis] = np.bincount(back, vertices[:, axis]) / number
+    at = spot[faces]
+    kept = (at[:, 0] != at[:, 1]) & (at[:, 1] != at[:, 2]) & (at[:, 2] != at[:, 0])
+    for name, coarse in _LEFT_OUT.items():
+        if cell >= coarse:
+            kept &= vertices[faces[:, 0], 9] != MATERIALS.index(name)
+    return merged, back[faces[kept]].astype(np.int32), int(kept[:split].sum())
+
+
+def prop_levels(kind: str, variant: int) -> list[Level]:
+    """The mesh of a prop, and for afar with fewer and larger twigs."""
+    mesh = props.mesh(kind, variant)
+    twigs = np.isin(mesh.vertices[mesh.faces[:, 0], 8], [layer("foliage"), layer("needles")])
+    levels: list[Level] = []
+    for _, step in PROP_LEVELS:
+        first = mesh.faces[twigs][:, 0] // 4  # the four corners of a twig follow each other
+        kept = ~twigs
+        kept[twigs] = first % step == 0
+        vertices = mesh.vertices.copy()
+        if twigs.any() and step > 1:
+            corners = np.unique(mesh.faces[twigs]).reshape(-1, 4)
+            middle = vertices[corners, :3].mean(axis=1, keepdims=True)
+            vertices[corners, :3] = middle + 0.85 * np.sqrt(step) * (vertices[corners, :3] - middle)
+        levels.append((vertices, mesh.faces[kept], int(kept[: mesh.solid].sum())))
+    return levels

@@ -1,0 +1,116 @@
+"""The solids of a scene as labels see them: bodies and things beside the road, each cut into slabs once."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._checks import FloatArray
+from groundpose.lab.bodies import MATERIALS, Body
+from groundpose.lab.drive import props
+from groundpose.lab.drive.scene import Prop
+from groundpose.lab.drive.silhouette import slabs
+from groundpose.lab.drive.splits import body
+from groundpose.shape import extent
+
+_BODY_SLABS = 16
+# Mirrors, antennas, lamps: parts with less surface than this (m^2) do not count for outlines.
+_SMALL_PART = 0.3
+# Things with a stem are cut across their height; the others are convex enough as a whole.
+_PROP_SLABS = {"tree": 8, "bush": 3, "sign": 10, "traffic_light": 6, "pole": 8, "person": 8, "cyclist": 6}
+# One sees through railings.
+_SEE_THROUGH = (("fence", 1),)
+
+
+# What stands behind glass hides nothing that the glass does not hide before.
+_BEHIND_GLASS = ("interior", "seat")
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A body with what labels need again and again.
+
+    Args:
+        body: the body.
+        slabs: (K, M, 3) for `silhouette.outline`.
+        corners: (8, 3) of the box around the mesh, mirrors included.
+        vertices: (V, 3), those of the body without doubles.
+        faces: (F, 3) rows of `vertices`, without those behind glass.
+        normals: (F, 3) outward, of any length; offsets: (F,) `normal . x` on the face.
+    """
+
+    body: Body
+    slabs: FloatArray
+    corners: FloatArray
+    vertices: FloatArray
+    faces: NDArray[np.intp]
+    normals: FloatArray
+    offsets: FloatArray
+
+    def facing(self, eye: FloatArray) -> NDArray[np.intp]:
+        """The faces (F, 3) that look at a point (3,) of the object frame."""
+        return self.faces[self.normals @ eye > self.offsets]
+
+
+@lru_cache(maxsize=2048)
+def solid(kind: str, seed: int) -> Solid:
+    """The body `body(kind, seed)`, prepared."""
+    made = body(kind, seed)
+    positions = np.ascontiguousarray(made.vertices).view([("", made.vertices.dtype)] * 3).ravel()
+    _, first, row = np.unique(positions, return_index=True, return_inverse=True)
+    vertices = made.vertices[first]
+    inner = [MATERIALS.index(name) for name in _BEHIND_GLASS]
+    faces = row[made.faces[~np.isin(made.materials, inner)]]
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    return Solid(
+        body=made,
+        slabs=slabs(made.vertices, _large(made), 2, _BODY_SLABS),
+        corners=np.array(list(itertools.product(*extent(vertices).T))),
+        vertices=vertices,
+        faces=faces,
+        normals=normals,
+        offsets=np.sum(normals * a, axis=1),
+    )
+
+
+def _large(made: Body) -> NDArray[np.int32]:
+    """Faces of a body without its small parts: the hull of a slab with an antenna would be a tent."""
+    a, b, c = (made.vertices[made.faces[:, i]] for i in range(3))
+    areas = np.bincount(made.parts, 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    return made.faces[areas[made.parts] > _SMALL_PART]
+
+
+@lru_cache(maxsize=256)
+def _unit_slabs(kind: str, variant: int) -> FloatArray:
+    mesh = props.mesh(kind, variant)
+    return slabs(mesh.vertices[:, :3].astype(float), mesh.faces, 1, _PROP_SLABS.get(kind, 1))
+
+
+def prop_slabs(prop: Prop) -> FloatArray:
+    """(K, M, 3) world points of the slabs of a thing."""
+    cos, sin = np.cos(prop.yaw), np.sin(prop.yaw)
+    turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+    unit = _unit_slabs(prop.kind, props.variant(prop.kind, prop.seed))
+    return np.asarray((unit * prop.size) @ turn.T + prop.position)
+
+
+def prop_corners(props_: Sequence[Prop]) -> FloatArray:
+    """(N, 8, 3) world corners of boxes around things; their meshes stand out of `size` a little."""
+    yaw = np.array([prop.yaw for prop in props_])
+    size = np.array([prop.size for prop in props_])
+    signs = np.array([(x, y, z) for x in (-0.7, 0.7) for y in (-1.05, 0.0) for z in (-0.7, 0.7)])
+    x, y, z = np.moveaxis(signs * size[:, None], 2, 0)
+    cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    turned = np.stack([x * cos + z * sin, y, z * cos - x * sin], axis=2)
+    return np.asarray(turned + np.array([prop.position for prop in props_])[:, None])
+
+
+def opaque(prop: Prop) -> bool:
+    """Whether it hides what stands behind."""
+    return (prop.kind, props.variant(prop.kind, prop.seed)) not in _SEE_THROUGH

@@ -1,0 +1,66 @@
+"""Which seeds and which bodies belong to training, validation and test: ranges that cannot overlap."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from groundpose._checks import count, input_error
+from groundpose.lab.bodies import Body
+from groundpose.lab.bodies import body as make_body
+from groundpose.lab.bodies.catalogue import outline
+from groundpose.vehicles import KINDS
+
+SPLITS = ("train", "validation", "test")
+SEEDS_PER_SPLIT = 2**32
+"""Seeds 0 to this of a user are this range of seeds of a split."""
+
+# Bodies of a class in each split: number of the first one, and how many of cars and of the other classes.
+_FIRST_BODY = {"train": 100_000, "validation": 200_000, "test": 300_000}
+_BODIES = {"train": (300, 120), "validation": (80, 40), "test": (80, 40)}
+
+
+def scene_seed(seed: int, split: str = "train") -> int:
+    """The seed of `scene()` for seed `seed` of a split.
+
+    Raises:
+        InputError: an unknown split, a seed outside 0 to 2**32 - 1.
+    """
+    if split not in SPLITS:
+        raise input_error("split", f"one of {', '.join(SPLITS)}", repr(split))
+    if count("seed", seed) >= SEEDS_PER_SPLIT:
+        raise input_error("seed", f"0 to {SEEDS_PER_SPLIT - 1}", seed)
+    return SPLITS.index(split) * SEEDS_PER_SPLIT + seed
+
+
+def split_of(seed: int) -> str:
+    """The split a seed of `scene()` belongs to. Raises InputError for a seed of none."""
+    index = count("seed", seed) // SEEDS_PER_SPLIT
+    if index >= len(SPLITS):
+        raise input_error("seed", f"0 to {len(SPLITS) * SEEDS_PER_SPLIT - 1}", seed)
+    return SPLITS[index]
+
+
+def random_body(rng: np.random.Generator, kind: str, split: str) -> int:
+    """Seed of a body of class `kind` that only this split uses."""
+    return _FIRST_BODY[split] + int(rng.integers(bodies_of(split, kind)))
+
+
+def bodies_of(split: str, kind: str) -> int:
+    """How many bodies of class `kind` a split has."""
+    return _BODIES[split][kind != KINDS[0]]
+
+
+@lru_cache(maxsize=2048)
+def body(kind: str, seed: int) -> Body:
+    """`groundpose.lab.bodies.body`, remembered."""
+    return make_body(kind, seed)
+
+
+@lru_cache(maxsize=4096)
+def length_and_width(kind: str, seed: int) -> tuple[float, float]:
+    """Of `body(kind, seed)`, metres, without making its mesh."""
+    _, box = outline(kind, seed)
+    width, _, length = (box[1] - box[0]).tolist()
+    return length, width

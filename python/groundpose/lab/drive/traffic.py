@@ -1,0 +1,250 @@
+"""Traffic of a drive: rows of parked vehicles, streams on the lanes, vehicles that cross and turn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._checks import FloatArray, input_error, number
+from groundpose.lab.drive.ego import CAMERA_TO_FRONT, FRAME_INTERVAL, Ego
+from groundpose.lab.drive.road import Junction, Lane, Parking, Road
+from groundpose.lab.drive.road_kinds import ROAD_KINDS, wave
+from groundpose.lab.drive.splits import length_and_width, random_body
+from groundpose.vehicles import KINDS
+
+AHEAD, BEHIND = 110.0, 14.0
+"""Metres along the road before and behind the camera in which there is traffic."""
+
+DEFAULT_SHARES = {"car": 0.60, "van_bus": 0.15, "pickup": 0.11, "box_truck": 0.14}
+"""How often a vehicle of each class is drawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class Actor:
+    """A vehicle over a drive: `s`, `d` and `angle` to the road (positive to the right), one value a frame.
+    `sight` is the distance in metres beyond which it is not there yet."""
+
+    kind: str
+    seed: int
+    look_seed: int
+    s: FloatArray
+    d: FloatArray
+    angle: FloatArray
+    state: tuple[str, ...]
+    braking: NDArray[np.bool_]
+    lamps: float
+    sight: float
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """Draws vehicles of a split by the shares of the classes."""
+
+    rng: np.random.Generator
+    split: str
+    shares: Mapping[str, float]
+
+    def draw(self, longest: float = math.inf, widest: float = math.inf) -> tuple[str, int, float, float]:
+        """Class, seed, length and width of a vehicle that is at most so long and wide."""
+        names, weights = list(self.shares), np.array(list(self.shares.values()))
+        kind = names[int(self.rng.choice(len(names), p=weights / weights.sum()))]
+        for _ in range(8):
+            seed = random_body(self.rng, kind, self.split)
+            length, width = length_and_width(kind, seed)
+            if length <= longest and width <= widest:
+                return kind, seed, length, width
+        return "", 0, 0.0, 0.0
+
+
+def traffic(
+    rng: np.random.Generator, road: Road, ego: Ego, split: str, shares: Mapping[str, float]
+) -> tuple[Actor, ...]:
+    """All vehicles of a drive, in the order of right of way: where two meet, the later one gives way."""
+    maker = _Maker(rng, road, ego, Kinds(rng, split, shares))
+    parked = [actor for row in road.layout.parking for actor in maker.row(row)]
+    cross = list(maker.junction(road.junction)) if road.junction is not None else []
+    lanes = sorted(road.layout.lanes, key=lambda lane: abs(lane.d - ego.d[0]))
+    moving = [actor for lane in lanes for actor in maker.stream(lane, own=lane is lanes[0])]
+    return (*parked, *cross, *moving)
+
+
+@dataclass(frozen=True)
+class _Maker:
+    rng: np.random.Generator
+    road: Road
+    ego: Ego
+    kinds: Kinds
+
+    def _actor(
+        self,
+        chosen: tuple[str, int, float, float],
+        s: FloatArray | float,
+        d: FloatArray | float,
+        angle: FloatArray | float,
+        state: str | tuple[str, ...],
+        braking: NDArray[np.bool_] | bool = False,
+    ) -> Actor:
+        frames = len(self.ego.s)
+        s, d, angle = (np.array(np.broadcast_to(x, frames), float) for x in (s, d, angle))
+        return Actor(
+            kind=chosen[0],
+            seed=chosen[1],
+            look_seed=int(self.rng.integers(2**31)),
+            s=s,
+            d=d,
+            angle=angle,
+            state=(state,) * frames if isinstance(state, str) else state,
+            braking=np.array(np.broadcast_to(braking, frames), bool),
+            lamps=float(self.rng.random()),
+            sight=float(18.0 + self.rng.gamma(1.4, 18.0)),
+        )
+
+    def row(self, row: Parking) -> Iterator[Actor]:
+        """Vehicles parked in a row: parallel ones along their kerb, others nose or tail to it."""
+        rng, edge = self.rng, self.road.layout.edge(row.side)
+        place = float(self.ego.s[0]) - BEHIND - rng.uniform(0.0, row.pitch)
+        end = float(self.ego.s[-1]) + AHEAD
+        while place < end:
+            place += row.pitch
+            if rng.random() >= row.occupancy or self._near_junction(place, 7.0):
+                continue
+            if row.angle == 0.0:
+                # a long vehicle takes two places
+                chosen = self.kinds.draw(longest=2.0 * row.pitch - 0.8, widest=2.6)
+                places = 1 if chosen[2] < row.pitch - 0.5 else 2
+                middle = place + 0.5 * row.pitch * (places - 1)
+                slack = 0.3 * max(places * row.pitch - chosen[2] - 0.5, 0.0)
+                d = row.side * (edge - 0.2 - 0.5 * chosen[3] - rng.gamma(2.0, 0.06))
+                angle = rng.normal(0.0, math.radians(1.2)) + (
+                    0.0 if (row.side > 0) ^ (rng.random() < 0.08) else math.pi
+                )
+                place += row.pitch * (places - 1)
+            else:
+                chosen = self.kinds.draw(longest=row.depth + 0.6, widest=2.15)
+                nose_in = rng.random() < 0.65
+                middle, slack, d = place, 0.12, row.d + rng.normal(0.0, 0.15)
+                angle = row.side * (row.angle if nose_in else row.angle - math.pi)
+                angle += rng.normal(0.0, math.radians(2.0))
+            if chosen[0]:
+                yield self._actor(chosen, middle + rng.uniform(-slack, slack), d, angle, "parked")
+
+    def _near_junction(self, s: float, margin: float) -> bool:
+        junction = self.road.junction
+        return junction is not None and abs(s - junction.s) < junction.half_width + margin
+
+    def stream(self, lane: Lane, own: bool) -> Iterator[Actor]:
+        """Vehicles that follow each other in a lane; those in the camera's own lane do as it does."""
+        rng, ego = self.rng, self.ego
+        frames = len(ego.s)
+        t = FRAME_INTERVAL * np.arange(frames, dtype=np.float64)
+        if own:
+            moved, braking, speed = ego.s - ego.s[0], ego.acceleration < -0.6, float(ego.speed.mean())
+        else:
+            v = np.clip(lane.speed * (1.0 + 0.25 * wave(rng, t, (8.0, 30.0))), 0.0, None)
+            moved = lane.direction * np.concatenate([[0.0], np.cumsum(v[:-1]) * FRAME_INTERVAL])
+            braking, speed = np.gradient(v, FRAME_INTERVAL) < -0.6, float(v.mean())
+        start = float((ego.s - moved).min()) - BEHIND
+        end = float((ego.s - moved).max()) + AHEAD
+        if own:
+            start = float(ego.s[0]) + CAMERA_TO_FRONT
+        headway, gap = rng.uniform(0.4, 1.4), rng.uniform(*ROAD_KINDS[self.road.layout.kind].gap)
+        place = start
+        while True:
+            chosen = self.kinds.draw(widest=lane.width - 0.15)
+            clear = 1.8 + headway * speed + rng.exponential(gap)
+            place += clear + 0.5 * chosen[2]
+            if place > end:
+                return
+            if chosen[0]:
+                d = lane.d + rng.normal(0.0, 0.18) + 0.1 * wave(rng, t, (5.0, 12.0))
+                angle = rng.normal(0.0, math.radians(0.4), frames) + (0.0 if lane.direction > 0 else math.pi)
+                yield self._actor(chosen, place + moved, d, angle, "moving", braking)
+            place += 0.5 * chosen[2]
+
+    def junction(self, junction: Junction) -> Iterator[Actor]:
+        """Vehicles that wait in the crossing street, cross and turn."""
+        for direction in (-1, 1):
+            yield from self._waiting(junction, direction)
+        for _ in range(int(self.rng.integers(1, 5))):
+            path = self._crossing_path(junction, int(self.rng.choice([-1, 1])))
+            yield self._along(path, "crossing", self.rng.uniform(3.0, 10.0))
+        for _ in range(int(self.rng.integers(1, 5))):
+            yield self._along(self._turning_path(junction), "turning", self.rng.uniform(3.0, 6.0))
+
+    def _cross_lane(self, junction: Junction, direction: int) -> float:
+        """s of the crossing street's lane that leads to larger (+1) or smaller d."""
+        return junction.s - direction * 0.5 * junction.half_width
+
+    def _waiting(self, junction: Junction, direction: int) -> Iterator[Actor]:
+        rng, s = self.rng, self._cross_lane(junction, direction)
+        place = self.road.layout.edge(-direction) + rng.uniform(0.8, 2.5)
+        for _ in range(int(rng.integers(0, 3))):
+            chosen = self.kinds.draw(widest=junction.half_width - 0.3)
+            place += 0.5 * chosen[2]
+            if place + 0.5 * chosen[2] > junction.reach:
+                return
+            if chosen[0]:
+                yield self._actor(
+                    chosen, s + rng.normal(0.0, 0.1), -direction * place, direction * math.pi / 2, "crossing"
+                )
+            place += 0.5 * chosen[2] + rng.uniform(1.5, 4.0)
+
+    def _crossing_path(self, junction: Junction, direction: int) -> FloatArray:
+        s = self._cross_lane(junction, direction)
+        return np.array([[s, -direction * junction.reach], [s, direction * junction.reach]])
+
+    def _turning_path(self, junction: Junction) -> FloatArray:
+        """From a lane of the road into the crossing street, or the other way round: a rounded corner."""
+        rng = self.rng
+        lane = self.road.layout.lanes[int(rng.integers(len(self.road.layout.lanes)))]
+        way = int(rng.choice([-1, 1]))
+        s = self._cross_lane(junction, way)
+        corner = np.array([s, lane.d])
+        along, across = np.array([lane.direction, 0.0]), np.array([0.0, way])
+        if rng.random() < 0.6:
+            before, after = corner - 40.0 * along, corner + (junction.reach - 4.0) * across
+        else:
+            before, after = corner - (junction.reach - 4.0) * across, corner + 40.0 * along
+        return _rounded(before, corner, after, rng.uniform(4.5, 8.0))
+
+    def _along(self, path: FloatArray, state: str, speed: float) -> Actor:
+        """A vehicle that passes the middle of its path in a random frame of the drive."""
+        chosen = self.kinds.draw(widest=2.6)
+        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+        t = np.arange(len(self.ego.s)) * FRAME_INTERVAL
+        progress = np.clip(
+            0.5 * lengths[-1] + speed * (t - self.rng.uniform(0.0, t[-1])), 0.01, lengths[-1] - 0.01
+        )
+        s, d = (np.interp(progress, lengths, path[:, i]) for i in range(2))
+        ahead = [
+            np.interp(progress + 0.6, lengths, path[:, i]) - np.interp(progress - 0.6, lengths, path[:, i])
+            for i in range(2)
+        ]
+        return self._actor(chosen, s, d, np.arctan2(ahead[1], ahead[0]), state)
+
+
+def _rounded(before: FloatArray, corner: FloatArray, after: FloatArray, radius: float) -> FloatArray:
+    """Points of a path around a right-angled corner."""
+    into, out = (
+        (corner - before) / np.linalg.norm(corner - before),
+        (after - corner) / np.linalg.norm(after - corner),
+    )
+    centre = corner - radius * into + radius * out
+    angles = np.linspace(0.0, 0.5 * np.pi, 12)[:, None]
+    arc = centre - radius * np.cos(angles) * out + radius * np.sin(angles) * into
+    return np.concatenate([before[None], arc, after[None]])
+
+
+def check_shares(shares: Mapping[str, float]) -> None:
+    """Raises InputError for an unknown class, a negative share, or none above zero."""
+    for kind, share in shares.items():
+        if kind not in KINDS:
+            raise input_error("class shares", f"classes {', '.join(KINDS)}", repr(kind))
+        if not (math.isfinite(number("class shares", share)) and share >= 0.0):
+            raise input_error("class shares", f"a number from 0 for {kind}", share)
+    if not sum(shares.values()) > 0.0:
+        raise input_error("class shares", "one above zero", dict(shares))

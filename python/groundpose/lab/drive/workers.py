@@ -1,0 +1,156 @@
+"""Makes frames of a drive, drawn or only labelled, in one process or in several, in order."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+from collections import deque
+from collections.abc import Generator, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from functools import cache
+from multiprocessing import active_children, get_context
+from pathlib import Path
+from typing import Any
+
+from groundpose._checks import count, input_error
+from groundpose.formats.kitti.labels import format_labels
+from groundpose.lab.drive.drive import scene
+from groundpose.lab.drive.ego import FRAMES_PER_DRIVE
+from groundpose.lab.drive.labels import labels
+from groundpose.lab.drive.record import frame_line, kitti_label
+from groundpose.lab.drive.scene import Scene
+from groundpose.lab.drive.splits import scene_seed
+from groundpose.lab.drive.traffic import DEFAULT_SHARES, check_shares
+
+FORMATS = ("png", "jpg")
+_VERSION = 1
+_SAVE: dict[str, tuple[str, dict[str, Any]]] = {
+    "png": ("PNG", {"compress_level": 2}),
+    "jpg": ("JPEG", {"quality": 93, "subsampling": 0}),
+}
+# Frames handed to a process at once: few when they are drawn, so that little is lost by an interruption.
+_BLOCK = {True: 4, False: FRAMES_PER_DRIVE}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a folder holds: seed within its split, split, number of the first frame, shares of the classes and
+    the pictures' format (None: no pictures).
+
+    Raises:
+        InputError: a value that cannot be.
+    """
+
+    seed: int = 0
+    split: str = "train"
+    first: int = 0
+    shares: Mapping[str, float] = field(default_factory=lambda: dict(DEFAULT_SHARES))
+    images: str | None = "png"
+    version: int = _VERSION
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        scene_seed(self.seed, self.split)
+        count("first", self.first)
+        check_shares(self.shares)
+        if self.images not in (None, *FORMATS):
+            raise input_error("format", f"one of {', '.join(FORMATS)}", repr(self.images))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a worker sends back; its picture waits under a temporary name."""
+
+    number: int
+    line: str
+    kitti: str
+    objects: int
+
+
+def image_name(number: int, form: str) -> str:
+    """Of a frame's picture in the folder."""
+    return f"training/image_2/{number:06d}.{form}"
+
+
+def temporary(path: Path) -> Path:
+    """Name of a file that is not whole yet."""
+    return path.with_name(f".{path.name}.part")
+
+
+def make_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Generator[Frame, None, None]:
+    """The frames in order, made in `jobs` processes (one: in this one)."""
+    size = _BLOCK[settings.images is not None]
+    edges = sorted(
+        {numbers.start, numbers.stop, *range(-(-numbers.start // size) * size, numbers.stop, size)}
+    )
+    blocks = [range(a, b) for a, b in itertools.pairwise(edges)]
+    if jobs == 1 or len(blocks) == 1:
+        for block in blocks:
+            for number in block:
+                yield _make_frame(out, number, settings)
+        return
+    others = set(active_children())
+    with ProcessPoolExecutor(min(jobs, len(blocks)), get_context("spawn"), _leave_interrupts) as pool:
+        waiting: deque[Future[list[Frame]]] = deque()
+        try:
+            for block in blocks:
+                waiting.append(pool.submit(_make_block, out, block, settings))
+                if len(waiting) > 2 * jobs:
+                    yield from waiting.popleft().result()
+            while waiting:
+                yield from waiting.popleft().result()
+        except BrokenProcessPool:
+            raise input_error(
+                "jobs", "as many processes as memory allows", f"{jobs}; one was ended"
+            ) from None
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in set(active_children()) - others:
+                child.terminate()  # what they are at is not wanted any more
+            raise
+
+
+def _leave_interrupts() -> None:
+    """Ctrl-C reaches every process; the first one decides."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _make_block(out: Path, block: range, settings: Settings) -> list[Frame]:
+    return [_make_frame(out, number, settings) for number in block]
+
+
+def _make_frame(out: Path, number: int, settings: Settings) -> Frame:
+    made = scene(scene_seed(settings.seed, settings.split), number, settings.shares)
+    found = labels(made)
+    image = None
+    if settings.images is not None:
+        image = image_name(number, settings.images)
+        _draw(made, temporary(out / image), settings.images)
+    line = frame_line(made, found, number // FRAMES_PER_DRIVE, image)
+    return Frame(number, line, format_labels(map(kitti_label, found)), len(found))
+
+
+def _draw(made: Scene, part: Path, form: str) -> None:
+    from PIL import Image
+
+    kind, options = _SAVE[form]
+    picture = Image.fromarray(_renderer().frame(made))
+    try:
+        picture.save(part, format=kind, **options)
+    except OSError as error:
+        error.filename = error.filename or str(part)
+        raise
+
+
+@cache
+def _renderer() -> Any:
+    """One renderer a process. Raises InputError when its packages are not installed."""
+    try:
+        from groundpose.lab.drive.render import Renderer
+    except ImportError as error:
+        raise input_error(
+            "images", "pip install 'groundpose[simulate]', or no images", f"no {error.name}"
+        ) from None
+    return Renderer()

@@ -1,0 +1,178 @@
+"""Writes a drive to a folder, in several processes, and goes on where an interrupted run stopped.
+
+`labels.jsonl` is the record of what is done: a frame belongs to the folder when its line stands there.
+Pictures and label files are complete before they get their names, in the order of the frames.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from groundpose._checks import input_error, integer
+from groundpose.formats.kitti.labels import format_calibration
+from groundpose.lab.drive.coco import write_lines
+from groundpose.lab.drive.drive import CAMERA
+from groundpose.lab.drive.record import TILT_COLUMNS, tilt_row
+from groundpose.lab.drive.workers import Frame, Settings, image_name, make_frames, temporary
+
+SETTINGS, LINES, TILT, COCO = "drive.json", "labels.jsonl", "tilt.csv", "keypoints_coco.json"
+
+Advance = Callable[[int, int, int], None]
+"""Frames done, frames in all, objects labelled in this run."""
+
+
+def write_drive(
+    out: Path,
+    frames: int,
+    settings: Settings,
+    jobs: int = 1,
+    advance: Advance = lambda done, total, objects: None,
+) -> int:
+    """Frames `settings.first` to `settings.first + frames` in folder `out`; returns the objects labelled now.
+
+    Frames that are there already stay as they are.
+
+    Raises:
+        InputError: a number that cannot be, a folder with other settings or foreign content.
+        OSError: disk full, no such folder, no permission; whole frames stay.
+    """
+    if integer("frames", frames) < 1:
+        raise input_error("frames", "1 or more", frames)
+    if integer("jobs", jobs) < 1:
+        raise input_error("jobs", "1 or more", jobs)
+    _open_folder(out, settings)
+    done, objects = _whole_frames(out, settings), 0
+    advance(done, frames, objects)
+    numbers = range(settings.first + done, settings.first + frames)
+    with closing(_add_frames(out, numbers, settings, jobs)) as added:
+        for count in added:
+            done, objects = done + 1, objects + count
+            advance(done, frames, objects)
+    if not (out / COCO).exists() or not (out / TILT).exists():
+        _summaries(out, settings)
+    return objects
+
+
+def _add_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Generator[int, None, None]:
+    """Make these frames and keep them; gives the number of objects of each."""
+    if not numbers:
+        return
+    for name in (TILT, COCO):  # of fewer frames
+        (out / name).unlink(missing_ok=True)
+    calibration = format_calibration(CAMERA)
+    try:
+        with _appending(out / LINES) as append, closing(make_frames(out, numbers, settings, jobs)) as made:
+            for frame in made:
+                _keep(out, frame, settings, calibration, append)
+                yield frame.objects
+    finally:
+        for part in (out / "training").glob("*/.*.part"):  # half-written, or finished ahead of its turn
+            part.unlink(missing_ok=True)
+
+
+def _open_folder(out: Path, settings: Settings) -> None:
+    """Make the folder, or check that it is one of the same settings."""
+    path = out / SETTINGS
+    if path.exists():
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError:
+            raise input_error(str(path), "settings of a simulated drive", "another file") from None
+        found = found if isinstance(found, dict) else {}
+        for key, wanted in asdict(settings).items():
+            if found.get(key) != wanted:
+                expected = f"{key} {found.get(key)!r}, with which the folder was begun"
+                raise input_error(str(out), expected, f"{wanted!r}; give another folder")
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    if any(out.iterdir()):
+        raise input_error(str(out), "a new or empty folder, or one that simulate began", "other files in it")
+    _replace(path, [json.dumps(asdict(settings), indent=1) + "\n"])
+
+
+def _whole_frames(out: Path, settings: Settings) -> int:
+    """Frames on record; a last line cut short by a crash is taken away."""
+    path = out / LINES
+    for folder in ("label_2", "calib", *(("image_2",) if settings.images else ())):
+        (out / "training" / folder).mkdir(parents=True, exist_ok=True)
+    if not path.exists():
+        return 0
+    done = size = 0
+    with path.open("r+b") as file:
+        for line in file:
+            if not line.endswith(b"\n"):
+                break
+            done, size = done + 1, size + len(line)
+        file.truncate(size)
+    return done
+
+
+@contextmanager
+def _appending(path: Path) -> Iterator[Callable[[str], None]]:
+    """A writer of whole lines: when one does not fit on the disk, the file ends before it."""
+    with path.open("ab") as file:
+
+        def append(line: str) -> None:
+            size = file.tell()
+            try:
+                file.write(line.encode())
+                file.flush()
+            except BaseException as error:
+                _cut(path, size)
+                if isinstance(error, OSError):
+                    error.filename = error.filename or str(path)
+                raise
+
+        yield append
+
+
+def _cut(path: Path, size: int) -> None:
+    with path.open("r+b") as file:
+        file.truncate(size)
+
+
+def _keep(
+    out: Path, frame: Frame, settings: Settings, calibration: str, append: Callable[[str], None]
+) -> None:
+    """Give a frame's files their names and put it on record."""
+    stem = f"{frame.number:06d}"
+    _replace(out / "training" / "label_2" / f"{stem}.txt", [frame.kitti])
+    _replace(out / "training" / "calib" / f"{stem}.txt", [calibration])
+    if settings.images:
+        picture = out / image_name(frame.number, settings.images)
+        os.replace(temporary(picture), picture)
+    append(frame.line)
+
+
+def _replace(path: Path, pieces: Iterable[str]) -> None:
+    """Write a file under a temporary name and rename it."""
+    part = temporary(path)
+    try:
+        with part.open("w", encoding="utf-8") as file:
+            for piece in pieces:
+                file.write(piece)
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        error.filename = error.filename or str(path)
+        raise
+
+
+def read_lines(path: Path) -> Iterator[dict[str, Any]]:
+    """The frames of labels.jsonl."""
+    with path.open(encoding="utf-8") as file:
+        for line in file:
+            yield json.loads(line)
+
+
+def _summaries(out: Path, settings: Settings) -> None:
+    """The files over all frames."""
+    header = ",".join(TILT_COLUMNS) + "\n"
+    _replace(out / TILT, (header, *map(tilt_row, read_lines(out / LINES))))
+    _replace(out / COCO, write_lines(read_lines(out / LINES), f".{settings.images or 'png'}"))

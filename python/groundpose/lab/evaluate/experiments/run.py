@@ -1,0 +1,120 @@
+"""Runs experiments: in parallel over settings and families, continuing what is stored."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from groundpose.lab.evaluate.experiments import entry
+from groundpose.lab.evaluate.experiments.settings import Setting, settings_of
+from groundpose.lab.evaluate.experiments.store import Store
+
+THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+Advance = Callable[[int, int, str], None]
+"""Tasks finished, tasks in all, what was finished last."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A family in one setting."""
+
+    setting: Setting
+    family: str
+    methods: list[str]
+    """Those that are not finished yet."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a worker sends back."""
+
+    numbers: dict[str, Any]
+    microseconds: dict[str, float]
+
+
+def measure(task: Task, trials: int, seed: int) -> Measured:
+    """One task, in this process."""
+    family = entry.family(task.family)
+    scenes = task.setting.scenes(trials, seed)[: family.trials(task.setting, trials)]
+    outcomes = family.run(scenes, task.methods)
+    numbers = {name: outcome.numbers(scenes) for name, outcome in outcomes.items()}
+    return Measured(numbers, {name: outcome.microseconds() for name, outcome in outcomes.items()})
+
+
+def tasks(store: Store, methods: dict[str, str]) -> list[Task]:
+    """What is left to do."""
+    found = []
+    for setting in settings_of(store.experiment):
+        for family in entry.FAMILIES:
+            left = [m for m in family.methods() if m in methods and not store.has(setting.key, m)]
+            if left:
+                found.append(Task(setting, family.name, left))
+    return found
+
+
+def select(experiment: str, methods: list[str] | None) -> dict[str, str]:
+    """Methods to run: those of `methods` that the experiment has. ValueError for a name that nothing has."""
+    known, everywhere = entry.methods_of(experiment), entry.methods_of("E1")
+    if methods is None:
+        return known
+    if unknown := [name for name in methods if name not in everywhere]:
+        raise ValueError(f"methods: expected some of {'; '.join(everywhere)}, got {'; '.join(unknown)}")
+    return {name: note for name, note in known.items() if name in methods}
+
+
+def run(
+    experiment: str,
+    trials: int,
+    seed: int,
+    folder: Path,
+    methods: list[str] | None = None,
+    jobs: int = 1,
+    fresh: bool = False,
+    advance: Advance = lambda done, total, text: None,
+) -> Store:
+    """Measure what is missing of an experiment and store it after every task, in `jobs` processes.
+
+    `fresh` measures finished methods again, those of `methods` only.
+    """
+    store = Store.open(folder, experiment, trials, seed)
+    wanted = select(experiment, methods)
+    if fresh:
+        store.forget(list(wanted))
+    keys = [s.key for s in settings_of(experiment)]
+    left = tasks(store, wanted)
+    advance(0, len(left), "")
+    if not left:
+        return store
+    with _one_thread_each(), ProcessPoolExecutor(min(jobs, len(left)), get_context("spawn")) as pool:
+        futures: dict[Future[Measured], Task] = {pool.submit(measure, t, trials, seed): t for t in left}
+        try:
+            for done, future in enumerate(as_completed(futures), start=1):
+                task, measured = futures[future], future.result()
+                store.add(task.setting.key, measured.numbers, measured.microseconds)
+                store.write(keys, wanted, entry.methods_of(experiment))
+                advance(done, len(left), f"{task.setting.key}, {task.family}")
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return Store.read(store.path)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Workers inherit these; a linear algebra library reads them when it is first imported."""
+    before = {name: os.environ.get(name) for name in THREAD_LIMITS}
+    os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,158 @@
+"""From stored crops to batches: where a crop is cut, and how, drawn anew each time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from groundpose._checks import FloatArray
+from groundpose.keypoints.codec import FILL, ByteArray, Codec
+from groundpose.lab.training.augment import Looks
+from groundpose.lab.training.configs import AugmentConfig
+from groundpose.lab.training.crops import Records
+from groundpose.vehicles.keypoints import flip_indices
+
+_CHUNK = 8
+"""Pictures made at a time: as many as the processor's cache holds."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What a network learns from.
+
+    Attributes:
+        crops: (N, 3, height, width) float, RGB, whole numbers 0 to 255.
+        keypoints: (N, 53, 2) crop pixels, NaN = not a keypoint of the class.
+        state: (N, 53) as in the records.
+        kind: (N,) index of the class.
+        windows: (N, 4) image pixels that the crops show (before turning and mirroring).
+        labels: (N,) the records.
+    """
+
+    crops: Tensor
+    keypoints: Tensor
+    state: Tensor
+    kind: Tensor
+    windows: FloatArray
+    labels: Records
+
+    def pictures(self) -> ByteArray:
+        """The crops as inference gives them to a network, (N, height, width, 3)."""
+        return np.ascontiguousarray(self.crops.permute(0, 2, 3, 1).byte().numpy())
+
+
+class Batcher:
+    """Makes batches for one size of crop from crops stored with another."""
+
+    def __init__(self, codec: Codec, stored: Codec, augment: AugmentConfig | None = None) -> None:
+        """`augment` None: the boxes of the labels and the pictures as they are."""
+        self.codec, self.stored, self.augment = codec, stored, augment
+        self._looks = None if augment is None else Looks(augment, codec.width, codec.height)
+        self._flip = flip_indices()
+
+    def __call__(self, images: ByteArray, labels: Records, rng: np.random.Generator) -> Batch:
+        """A batch of stored crops (N, 3, h, w) and their records."""
+        n = len(labels)
+        boxes = labels["box"].astype(np.float64)
+        turn = np.broadcast_to(np.eye(2), (n, 2, 2))
+        flip = np.zeros(n, dtype=bool)
+        if self.augment is not None:
+            boxes = _moved(boxes, self.augment, rng)
+            flip = rng.random(n) < self.augment.flip
+            turn = _turns(np.radians(self.augment.rotation_deg) * rng.normal(size=n), flip)
+        windows = self.codec.windows(boxes)
+        crops = torch.empty(n, 3, self.codec.height, self.codec.width)
+        for start in range(0, n, _CHUNK):
+            part = slice(start, start + _CHUNK)
+            crops[part] = self._pictures(images[part], labels[part], windows[part], turn[part], rng)
+        keypoints, state = self._keypoints(labels, windows, turn, flip)
+        return Batch(
+            crops,
+            torch.from_numpy(keypoints.astype(np.float32)),
+            torch.from_numpy(state),
+            torch.from_numpy(labels["kind"].astype(np.int64)),
+            windows,
+            labels,
+        )
+
+    def _keypoints(
+        self, labels: Records, windows: FloatArray, turn: FloatArray, flip: NDArray[np.bool_]
+    ) -> tuple[FloatArray, NDArray[np.uint8]]:
+        """Keypoints in crop pixels and states, partners exchanged in mirrored crops."""
+        straight = self.codec.crop_from_image(labels["keypoints"].astype(np.float64), windows)
+        middle = 0.5 * (self.codec.size - 1.0)
+        # `turn` maps an offset in the crop to one before turning; it is orthogonal
+        keypoints = np.einsum("nji,npj->npi", turn, straight - middle) + middle
+        state = labels["state"].copy()
+        keypoints[flip] = keypoints[flip][:, self._flip]
+        state[flip] = state[flip][:, self._flip]
+        return keypoints, state
+
+    def _pictures(
+        self,
+        images: ByteArray,
+        labels: Records,
+        windows: FloatArray,
+        turn: FloatArray,
+        rng: np.random.Generator,
+    ) -> Tensor:
+        """Crops (N, 3, height, width) cut and changed; `FILL` where they show nothing of the image."""
+        grid, reach = self._grid(labels, windows, turn)
+        stored = torch.from_numpy(images).float()
+        crops = functional.grid_sample(stored, grid, "bilinear", "border", align_corners=False)
+        crops = crops.round_() if self._looks is None else self._looks(crops, rng)
+        low, high = self._borders(labels)
+        fill = torch.tensor(FILL, dtype=torch.float32)[:, None, None]
+        for i in np.flatnonzero(((low > -reach) | (high < reach)).any(axis=1)).tolist():
+            outside = ((grid[i] < torch.from_numpy(low[i])) | (grid[i] > torch.from_numpy(high[i]))).any(
+                dim=2
+            )
+            crops[i] = torch.where(outside, fill, crops[i])
+        return crops
+
+    def _grid(self, labels: Records, windows: FloatArray, turn: FloatArray) -> tuple[Tensor, FloatArray]:
+        """Where the crops' pixels are in the stored pictures, (N, height, width, 2) in torch's count, and
+        the largest such numbers (N, 2)."""
+        codec, stored = self.codec, self.stored
+        size, middle = codec.size - 1.0, 0.5 * (codec.size - 1.0)
+        corners = size * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+        straight = np.einsum("nij,pj->npi", turn, corners - middle) + middle
+        pixels = stored.crop_from_image(codec.image_from_crop(straight, windows), labels["window"])
+        places = _torch_places(pixels, stored)
+        first, right, down, _ = (torch.from_numpy(places[:, i]).float()[:, None, None] for i in range(4))
+        x = torch.linspace(0.0, 1.0, codec.width)[:, None]
+        y = torch.linspace(0.0, 1.0, codec.height)[:, None, None]
+        return torch.addcmul(first + (down - first) * y, right - first, x), np.abs(places).max(axis=1)
+
+    def _borders(self, labels: Records) -> tuple[FloatArray, FloatArray]:
+        """The image's first and last corner (N, 2) in the stored pictures, in torch's count."""
+        size = labels["image_size"].astype(np.float64)
+        corners = np.stack([np.full_like(size, -0.5), size - 0.5], axis=1)
+        places = _torch_places(self.stored.crop_from_image(corners, labels["window"]), self.stored)
+        return places[:, 0], places[:, 1]
+
+
+def _torch_places(pixels: FloatArray, stored: Codec) -> FloatArray:
+    """Pixels of a stored crop counted from -1 to 1 between its outer sides, as `grid_sample` does."""
+    return np.asarray((2.0 * pixels + 1.0) / stored.size - 1.0)
+
+
+def _moved(boxes: FloatArray, how: AugmentConfig, rng: np.random.Generator) -> FloatArray:
+    """Boxes as a detector gives them: each side a little off, some boxes far off."""
+    n = len(boxes)
+    sides = boxes[:, 2:] - boxes[:, :2]
+    amount = np.where(rng.random(n) < how.heavy_chance, how.box_noise_heavy, how.box_noise)
+    noise = np.clip(rng.normal(size=(n, 4)), -2.0, 2.0) * amount[:, None]
+    return np.asarray(boxes + noise * np.concatenate([sides, sides], axis=1))
+
+
+def _turns(angles: FloatArray, flip: NDArray[np.bool_]) -> FloatArray:
+    """(N, 2, 2): offsets from a crop's middle before turning and mirroring, from those after."""
+    c, s = np.cos(angles), np.sin(angles)
+    sign = np.where(flip, -1.0, 1.0)
+    return np.stack([np.stack([c * sign, -s], axis=1), np.stack([s * sign, c], axis=1)], axis=1)

@@ -1,0 +1,237 @@
+"""Training crops on disk: numbered shards of two memory-mapped arrays each, and one index.
+
+A stored crop shows more than a network will see, so that boxes can be moved, turned and mirrored anew each
+time it is used. `FOLDER/index.json` says how the crops were made; `SPLIT-00007-images.npy` holds
+(N, 3, height, width) bytes and `SPLIT-00007-labels.npy` N records of `LABEL`. The labels are written last and
+every file is renamed into place when it is complete: a shard with labels is done, and a writer that was
+stopped goes on with the shards that are not there yet.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._checks import FloatArray, input_error
+from groundpose.keypoints.codec import MARGIN, ByteArray, Codec
+from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, keypoint_indices
+
+VERSION = 1
+STORED = Codec(160, 120, margin=0.5 * (1.25 * (1.0 + 2.0 * MARGIN) - 1.0))
+"""Crops as they are stored: 1.25 times the window of a network's crop, at the pixel size of 128 x 96."""
+
+LABEL = np.dtype(
+    [
+        ("keypoints", "<f4", (len(KEYPOINTS), 2)),  # image pixels, NaN = not a keypoint of this class
+        ("state", "u1", (len(KEYPOINTS),)),  # OUTSIDE, HIDDEN or VISIBLE of `groundpose.lab.drive`
+        ("kind", "u1"),  # index into KINDS
+        ("box", "<f4", (4,)),  # left, top, right, bottom, image pixels, as a detector would see it
+        ("window", "<f8", (4,)),  # what the stored crop shows, image pixels
+        ("image_size", "<i4", (2,)),  # width, height: beyond it a crop has no picture
+        ("frame", "<i8"),
+        ("object", "<i4"),  # frame and object number in the source: find the scene again
+        ("occluded", "<f4"),  # share hidden by others, 0 to 1
+    ]
+)
+
+Records = NDArray[np.void]
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One stored crop (height, width, 3) and its record of type `LABEL`."""
+
+    image: ByteArray
+    label: Records
+
+
+class Source(Protocol):
+    """Where samples come from; a module-level function, because worker processes import it."""
+
+    def __call__(self, seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
+        """Samples of `count` frames from number `first`; depends on the arguments alone."""
+
+
+def record(
+    *,
+    keypoints: FloatArray,
+    state: NDArray[np.integer[Any]],
+    kind: str,
+    box: FloatArray,
+    window: FloatArray,
+    image_size: tuple[int, int],
+    frame: int,
+    index: int,
+    occluded: float = 0.0,
+) -> Records:
+    """A record of `LABEL` from the keypoints (P, 2) and states (P,) of a vehicle of class `kind`."""
+    made = np.zeros((), dtype=LABEL)
+    rows = keypoint_indices(kind)
+    made["keypoints"] = np.nan
+    made["keypoints"][rows] = keypoints
+    made["state"][rows] = state
+    made["kind"], made["box"], made["window"] = KINDS.index(kind), box, window
+    made["image_size"], made["frame"], made["object"], made["occluded"] = image_size, frame, index, occluded
+    return made
+
+
+def write_crops(
+    folder: Path,
+    source: Source,
+    split: str,
+    frames: int,
+    *,
+    seed: int = 0,
+    first: int = 0,
+    frames_per_shard: int = 500,
+    codec: Codec = STORED,
+    jobs: int = 1,
+    advance: Callable[[int, int], None] = lambda done, total: None,
+) -> int:
+    """Write the shards of `frames` frames that are not there yet; the number of shards written.
+
+    Args:
+        folder: made when missing; an index of other crops there is refused.
+        source: makes the samples; the shards are the same for any number of `jobs` (processes).
+        advance: called with (shards done, shards in all).
+
+    Raises:
+        InputError: a folder of crops made in another way.
+    """
+    _write_index(folder, source, seed, frames_per_shard, codec)
+    starts = range(first, first + frames, frames_per_shard)
+    tasks = [
+        (
+            folder / f"{split}-{start // frames_per_shard:05d}",
+            start,
+            min(frames_per_shard, first + frames - start),
+        )
+        for start in starts
+    ]
+    missing = [task for task in tasks if not _labels(task[0]).exists()]
+    done = len(tasks) - len(missing)
+    advance(done, len(tasks))
+    make = partial(_write_shard, source, seed, split, codec)
+    if jobs == 1:
+        results: Iterator[None] = map(make, missing)
+        _count(results, done, len(tasks), advance)
+    else:
+        # spawn: a renderer's context does not survive a fork
+        with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+            _count(pool.imap_unordered(make, missing), done, len(tasks), advance)
+    return len(missing)
+
+
+def _count(results: Iterator[None], done: int, total: int, advance: Callable[[int, int], None]) -> None:
+    for i, _ in enumerate(results):
+        advance(done + i + 1, total)
+
+
+def _write_shard(source: Source, seed: int, split: str, codec: Codec, task: tuple[Path, int, int]) -> None:
+    stem, first, count = task
+    samples = list(source(seed, split, first, count, codec))
+    images = np.empty((len(samples), 3, codec.height, codec.width), dtype=np.uint8)
+    labels = np.empty(len(samples), dtype=LABEL)
+    for i, sample in enumerate(samples):
+        images[i], labels[i] = sample.image.transpose(2, 0, 1), sample.label
+    _replace(_images(stem), images)
+    _replace(_labels(stem), labels)
+
+
+def _replace(path: Path, array: NDArray[Any]) -> None:
+    """The whole file or none of it."""
+    temporary = path.with_suffix(f".tmp{os.getpid()}")
+    with temporary.open("wb") as file:
+        np.save(file, array)
+    temporary.replace(path)
+
+
+def _images(stem: Path) -> Path:
+    return stem.with_name(stem.name + "-images.npy")
+
+
+def _labels(stem: Path) -> Path:
+    return stem.with_name(stem.name + "-labels.npy")
+
+
+def _write_index(folder: Path, source: Source, seed: int, frames_per_shard: int, codec: Codec) -> None:
+    index = {
+        "version": VERSION,
+        "source": f"{getattr(source, '__module__', '')}.{getattr(source, '__name__', source)}",
+        "seed": seed,
+        "frames_per_shard": frames_per_shard,
+        "width": codec.width,
+        "height": codec.height,
+        "margin": codec.margin,
+        "kinds": list(KINDS),
+        "keypoints": [keypoint.name for keypoint in KEYPOINTS],
+    }
+    path = folder / "index.json"
+    if path.exists():
+        if json.loads(path.read_text()) != index:
+            raise input_error(str(path), "crops made with the same source, seed and sizes", "others")
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(f".tmp{os.getpid()}")
+    temporary.write_text(json.dumps(index, indent=1) + "\n")
+    temporary.replace(path)
+
+
+class Crops:
+    """The finished shards of one split, memory-mapped: a length and `take`."""
+
+    def __init__(self, folder: Path, split: str, limit: int | None = None) -> None:
+        """Open them; `limit` leaves all but the first samples out.
+
+        Raises:
+            InputError: not a folder of crops, another version, other keypoints, or no finished shard.
+        """
+        path = folder / "index.json"
+        if not path.exists():
+            raise input_error(str(folder), "a folder of crops (index.json)", "none")
+        self.index = json.loads(path.read_text())
+        if self.index.get("version") != VERSION:
+            raise input_error(str(path), f"version {VERSION}", self.index.get("version"))
+        if self.index["keypoints"] != [k.name for k in KEYPOINTS] or self.index["kinds"] != list(KINDS):
+            raise input_error(str(path), "the keypoints and classes of this version", "others")
+        self.codec = Codec(self.index["width"], self.index["height"], self.index["margin"])
+        stems = [
+            p.with_name(p.name.removesuffix("-labels.npy"))
+            for p in sorted(folder.glob(f"{split}-*-labels.npy"))
+        ]
+        if not stems:
+            raise input_error(str(folder), f"finished shards of split {split!r}", "none")
+        self._images = [np.load(_images(stem), mmap_mode="r") for stem in stems]
+        self.labels: Records = np.concatenate([np.load(_labels(stem)) for stem in stems])[:limit]
+        self._starts = np.cumsum([0, *(len(images) for images in self._images)])
+        self._rows: NDArray[np.intp] = np.arange(len(self.labels))
+
+    def of(self, rows: NDArray[np.intp], boxes: FloatArray) -> Crops:
+        """Some of the crops, as if boxes (n, 4) had been found around their vehicles."""
+        some = copy.copy(self)
+        some._rows, some.labels = self._rows[rows], self.labels[rows].copy()
+        some.labels["box"] = boxes
+        return some
+
+    def __len__(self) -> int:
+        """Number of crops."""
+        return len(self.labels)
+
+    def take(self, indices: NDArray[np.integer[Any]]) -> tuple[ByteArray, Records]:
+        """Images (n, 3, height, width) and records (n,) of these crops."""
+        images = np.empty((len(indices), 3, self.codec.height, self.codec.width), dtype=np.uint8)
+        rows = self._rows[indices]
+        shards = np.searchsorted(self._starts, rows, side="right") - 1
+        for i, (index, shard) in enumerate(zip(rows, shards, strict=True)):
+            images[i] = self._images[shard][index - self._starts[shard]]
+        return images, self.labels[indices]

@@ -1,0 +1,150 @@
+"""How good a network is on held-out crops, and how far its scores can be trusted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose._checks import FloatArray
+from groundpose.keypoints.codec import ByteArray, Codec
+from groundpose.keypoints.decode import Calibration, Detections
+from groundpose.lab.drive import HIDDEN, VISIBLE
+from groundpose.lab.evaluate.real_data import RELATIVE_THRESHOLD
+from groundpose.lab.training.crops import Crops, Records
+
+Detect = Callable[[ByteArray], Detections]
+"""Crops (N, height, width, 3) to detections: a trained torch network or an exported one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """Detections of M crops beside the truth.
+
+    Attributes:
+        detections: as the network gave them.
+        labels: (M,) records. windows: (M, 4) image pixels of the crops.
+        errors: (M, 53) image pixels, NaN = not a keypoint of the class.
+        sides: (M,) longer side of the box, image pixels. sides_in_crop: the same, crop pixels.
+    """
+
+    detections: Detections
+    labels: Records
+    windows: FloatArray
+    errors: FloatArray
+    sides: FloatArray
+    sides_in_crop: FloatArray
+
+    @property
+    def good(self) -> NDArray[np.bool_]:
+        """(M, 53): within 0.0375 of the box's longer side (paper, sec. 4.2.3)."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.errors <= RELATIVE_THRESHOLD * self.sides[:, None])
+
+    def only(self, rows: NDArray[np.bool_]) -> Answers:
+        """Those of the crops in a mask (M,)."""
+        chosen = {
+            name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "detections"
+        }
+        names = self.detections.__dataclass_fields__
+        return Answers(Detections(*(getattr(self.detections, name)[rows] for name in names)), **chosen)
+
+    def calibration(self) -> Calibration:
+        """Scores that say how likely a keypoint is good; fit on a split that is not judged on."""
+        return Calibration.fit(self.detections, self.sides_in_crop, self.good, ~np.isnan(self.errors))
+
+    def metrics(self, calibration: Calibration | None = None) -> dict[str, float]:
+        """Numbers by name: errors in original-image pixels, shares 0 to 1."""
+        calibration = self.calibration() if calibration is None else calibration
+        scores = calibration.scores(self.detections, self.sides_in_crop)
+        good, share = self.good, self.errors / self.sides[:, None]
+        named = {"": ~np.isnan(self.errors)}
+        named |= {
+            f"_{n}": named[""] & (self.labels["state"] == s)
+            for n, s in (("visible", VISIBLE), ("hidden", HIDDEN))
+        }
+        numbers: dict[str, float] = {"crops": float(len(self.labels))}
+        for name, chosen in named.items():
+            if chosen.any():
+                numbers["within" + name] = float(good[chosen].mean())
+                numbers["error_px" + name] = float(self.errors[chosen].mean())
+                numbers["error_share" + name] = float(share[chosen].mean())
+        own, kinds = named[""], self.detections.kind_probabilities.argmax(axis=1)
+        numbers["class_accuracy"] = float((kinds == self.labels["kind"]).mean())
+        return numbers | _ranking(scores[own], good[own])
+
+
+def inside_image(labels: Records) -> NDArray[np.bool_]:
+    """(M,): all keypoints lie in the image."""
+    points, size = labels["keypoints"], labels["image_size"][:, None]
+    outside = (points < -0.5) | (points > size - 0.5)  # NaN, not a keypoint of the class: False
+    return ~np.asarray(outside.any(axis=(1, 2)))
+
+
+def _ranking(scores: FloatArray, good: NDArray[np.bool_]) -> dict[str, float]:
+    """Whether high scores are good keypoints, and as often as they say."""
+    order = np.argsort(-scores, kind="stable")
+    ranked, count, hits = good[order], len(good), int(good.sum())
+    ranks = np.arange(count, 0, -1)
+    pairs = max(hits * (count - hits), 1)
+    bins = np.array_split(order, 10)
+    return {
+        "score_auc": float((ranks[ranked].sum() - hits * (hits + 1) / 2) / pairs),
+        "within_best_quartile": float(ranked[: max(count // 4, 1)].mean()),
+        "within_worst_decile": float(ranked[-max(count // 10, 1) :].mean()),
+        "score_calibration_error": float(
+            np.mean([abs(scores[b].mean() - good[b].mean()) for b in bins if len(b)])
+        ),
+    }
+
+
+def answers(detect: Detect, crops: Crops, codec: Codec, batch: int = 64) -> Answers:
+    """Run `detect` on every crop, cut as inference cuts the labels' boxes."""
+    parts = list(_batches(detect, crops, codec, batch))
+    detections = Detections(
+        *(
+            np.concatenate([getattr(p.detections, name) for p in parts])
+            for name in Detections.__dataclass_fields__
+        )
+    )
+    rest = (
+        np.concatenate([getattr(p, name) for p in parts])
+        for name in Answers.__dataclass_fields__
+        if name != "detections"
+    )
+    return Answers(detections, *rest)
+
+
+def _batches(detect: Detect, crops: Crops, codec: Codec, batch: int) -> Iterator[Answers]:
+    from groundpose.lab.training.batches import Batcher
+
+    batcher, rng = Batcher(codec, crops.codec), np.random.default_rng(0)
+    for start in range(0, len(crops), batch):
+        images, labels = crops.take(np.arange(start, min(start + batch, len(crops))))
+        made = batcher(images, labels, rng)
+        found = detect(made.pictures())
+        points = codec.image_from_crop(found.keypoints, made.windows)
+        errors = np.linalg.norm(points - labels["keypoints"].astype(np.float64), axis=2)
+        boxes = labels["box"].astype(np.float64)
+        sides = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)
+        pixel = (made.windows[:, 2] - made.windows[:, 0]) / codec.width
+        yield Answers(found, labels, made.windows, errors, sides, sides / pixel)
+
+
+def main(model: Path, data: Path, split: str = "test", limit: int | None = None) -> None:
+    """`python -m groundpose.lab.training.evaluate MODEL.onnx CROPS [--split test]`: metrics as JSON."""
+    from groundpose.keypoints.network import Network
+
+    network = Network(model)
+    found = answers(network.detect, Crops(data, split, limit), network.codec)
+    print(json.dumps(found.metrics(network.calibration), indent=1))
+
+
+if __name__ == "__main__":
+    import typer
+
+    typer.run(main)

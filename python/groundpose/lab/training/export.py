@@ -1,0 +1,171 @@
+"""From a training run to an ONNX file that says what it is, in float16 weights or int8."""
+
+from __future__ import annotations
+
+import json
+import logging
+import tempfile
+import warnings
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import Tensor, nn
+
+from groundpose.keypoints.codec import MEAN, STD, ByteArray, Codec
+from groundpose.keypoints.decode import Calibration
+from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS
+from groundpose.lab.training.networks import Decoded, KeypointNetwork
+from groundpose.vehicles.keypoints import KEYPOINTS, KINDS
+
+OPSET = 18
+QUANTISED = ("Conv", "ConvTranspose", "Add", "Relu", "Resize", "MaxPool")
+"""Operations in int8; softmax and decoding stay in float32: in int8 they ruin the keypoints."""
+
+
+class _Graph(nn.Module):
+    """What the file computes: bytes (N, height, width, 3) to the four outputs."""
+
+    def __init__(self, network: KeypointNetwork, mirrored: bool) -> None:
+        super().__init__()
+        self.network, self.mirrored = network, mirrored
+
+    def forward(self, crops: Tensor) -> Decoded:
+        return self.network.detect(crops, self.mirrored)
+
+
+def export(
+    network: KeypointNetwork,
+    path: Path,
+    metadata: dict[str, str],
+    half: bool = True,
+    mirrored: bool = False,
+) -> None:
+    """Write a network with folded normalisations as ONNX.
+
+    Args:
+        network: see `networks.folded`.
+        path: the file.
+        metadata: see `metadata`.
+        half: store the weights as float16; they are cast when the file is loaded.
+        mirrored: average with the mirror image's maps: twice the time, fewer wrong keypoints.
+    """
+    example = torch.zeros(2, network.config.height, network.config.width, 3, dtype=torch.uint8)
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the exporter, about its own future
+        program = torch.onnx.export(
+            _Graph(network, mirrored).eval(),
+            (example,),
+            input_names=["crops"],
+            output_names=list(OUTPUTS),
+            dynamic_shapes={"crops": {0: torch.export.Dim("N")}},
+            opset_version=OPSET,
+            dynamo=True,
+            verbose=False,
+        )
+    assert program is not None
+    model = program.model_proto
+    if half:
+        _halve(model)
+    _describe(model, metadata)
+    onnx.save(model, str(path))
+
+
+def metadata(
+    codec: Codec,
+    calibration: Calibration,
+    command: str,
+    data: dict[str, Any],
+    config: dict[str, Any],
+    metrics: dict[str, float],
+) -> dict[str, str]:
+    """What a file says of itself; `data` is the index of the crops, with source and seed."""
+    numbers = [calibration.bias, calibration.spread, calibration.peak]
+    said: dict[str, Any] = {
+        "mean": MEAN,
+        "std": STD,
+        "keypoints": [keypoint.name for keypoint in KEYPOINTS],
+        "kinds": KINDS,
+        "score_calibration": numbers,
+        "data": {name: data[name] for name in ("source", "seed", "version")},
+        "config": config,
+        "metrics": {name: round(value, 6) for name, value in metrics.items()},
+    }
+    return {
+        FORMAT: FORMAT_VERSION,
+        "groundpose_version": version("groundpose"),
+        "width": str(codec.width),
+        "height": str(codec.height),
+        "margin": repr(codec.margin),
+        "channels": "RGB, uint8, (N, height, width, 3)",
+        "command": command,
+        **{name: json.dumps(value) for name, value in said.items()},
+    }
+
+
+def quantise(path: Path, out: Path, crops: ByteArray) -> None:
+    """An int8 version of the file at `path`, its ranges taken from crops (N, height, width, 3).
+
+    Weights a channel, activations a tensor; only the operations of `QUANTISED`.
+    """
+    from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
+    from onnxruntime.quantization.shape_inference import quant_pre_process
+
+    class Reader(CalibrationDataReader):  # type: ignore[misc]
+        def __init__(self) -> None:
+            self._batches: Iterator[ByteArray] = iter(np.array_split(crops, max(1, len(crops) // 16)))
+
+        def get_next(self) -> dict[str, ByteArray] | None:
+            batch = next(self._batches, None)
+            return None if batch is None else {"crops": batch}
+
+    said = {p.key: p.value for p in onnx.load(str(path)).metadata_props}
+    with tempfile.TemporaryDirectory() as folder:
+        prepared = Path(folder) / "prepared.onnx"
+        quant_pre_process(str(path), str(prepared), skip_symbolic_shape=True)
+        quantize_static(
+            str(prepared),
+            str(out),
+            Reader(),
+            quant_format=QuantFormat.QDQ,
+            op_types_to_quantize=list(QUANTISED),
+            per_channel=True,
+            activation_type=QuantType.QUInt8,
+            weight_type=QuantType.QInt8,
+            reduce_range=True,  # 7 bits: 8 overflow in the 16-bit sums of processors without VNNI
+        )
+    model = onnx.load(str(out))
+    _describe(model, {**said, "weights": "int8"})
+    onnx.save(model, str(out))
+
+
+def _describe(model: onnx.ModelProto, said: dict[str, str]) -> None:
+    del model.metadata_props[:]
+    helper.set_model_props(model, said)
+    model.producer_name, model.doc_string = "groundpose", "keypoints of vehicles"
+    for node in model.graph.node:  # the exporter's stack traces, with paths of the machine it ran on
+        del node.metadata_props[:]
+        node.doc_string = ""
+    for value in (*model.graph.value_info, *model.graph.input, *model.graph.output):
+        del value.metadata_props[:]
+
+
+def _halve(model: onnx.ModelProto) -> None:
+    """Store the weights of convolutions and linear layers as float16 with a Cast behind them."""
+    graph = model.graph
+    large = [w for w in graph.initializer if w.data_type == TensorProto.FLOAT and np.prod(w.dims) > 64]
+    casts = []
+    for weight in large:
+        name, value = weight.name, numpy_helper.to_array(weight)
+        weight.CopyFrom(numpy_helper.from_array(value.astype(np.float16), name + "_half"))
+        casts.append(
+            helper.make_node("Cast", [name + "_half"], [name], name=name + "_cast", to=TensorProto.FLOAT)
+        )
+    for i, cast in enumerate(casts):
+        graph.node.insert(i, cast)

@@ -1,0 +1,264 @@
+"""The networks in PyTorch: a residual backbone, heat maps and a class; softargmax inside the graph."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from groundpose.keypoints.codec import MEAN, STD, crop_from_cell
+from groundpose.lab.training.configs import NetworkConfig
+from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices
+
+
+class Raw(NamedTuple):
+    """What a network says before decoding: maps (N, 53, h, w) and class logits (N, 4)."""
+
+    maps: Tensor
+    logits: Tensor
+
+
+class Decoded(NamedTuple):
+    """What a network says of N crops.
+
+    keypoints (N, 53, 2) crop pixels; spread (N, 53) crop pixels, the standard deviation of the map read as a
+    distribution; peak (N, 53) its largest cell, 0 to 1; kind_probabilities (N, 4).
+    """
+
+    keypoints: Tensor
+    spread: Tensor
+    peak: Tensor
+    kind_probabilities: Tensor
+
+
+class ConvNorm(nn.Module):
+    """Convolution (or transposed convolution), batch normalisation and, unless told otherwise, ReLU."""
+
+    def __init__(
+        self, inputs: int, outputs: int, kernel: int, stride: int = 1, *, relu: bool = True, up: bool = False
+    ) -> None:
+        """`up`: transposed, doubling the size."""
+        super().__init__()
+        self.conv: nn.Conv2d | nn.ConvTranspose2d
+        if up:
+            self.conv = nn.ConvTranspose2d(
+                inputs, outputs, kernel, stride, (kernel - stride) // 2, bias=False
+            )
+        else:
+            self.conv = nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False)
+        self.norm: nn.Module = nn.BatchNorm2d(outputs)
+        self.relu = relu
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, inputs, h, w) to (N, outputs, h', w')."""
+        x = self.norm(self.conv(x))
+        return functional.relu(x, inplace=True) if self.relu else x
+
+    def fold(self) -> None:
+        """Put the normalisation into the convolution's weights; for inference only."""
+        norm = self.norm
+        assert isinstance(norm, nn.BatchNorm2d)
+        assert norm.running_mean is not None
+        assert norm.running_var is not None
+        factor = norm.weight.detach() * torch.rsqrt(norm.running_var + norm.eps)
+        shape = (1, -1, 1, 1) if isinstance(self.conv, nn.ConvTranspose2d) else (-1, 1, 1, 1)
+        self.conv.weight.data *= factor.reshape(shape)
+        self.conv.bias = nn.Parameter(norm.bias.detach() - norm.running_mean * factor)
+        self.norm = nn.Identity()
+
+
+class Block(nn.Module):
+    """A residual block (He et al., 2016): two 3 x 3 convolutions, or 1 x 1, 3 x 3, 1 x 1."""
+
+    def __init__(self, inputs: int, width: int, stride: int, bottleneck: bool) -> None:
+        """`inputs` channels to `width` (4 `width` with a bottleneck)."""
+        super().__init__()
+        outputs = 4 * width if bottleneck else width
+        if bottleneck:
+            path = [
+                ConvNorm(inputs, width, 1),
+                ConvNorm(width, width, 3, stride),
+                ConvNorm(width, outputs, 1, relu=False),
+            ]
+        else:
+            path = [ConvNorm(inputs, width, 3, stride), ConvNorm(width, outputs, 3, relu=False)]
+        self.path = nn.Sequential(*path)
+        same = stride == 1 and inputs == outputs
+        self.shortcut = nn.Identity() if same else ConvNorm(inputs, outputs, 1, stride, relu=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, inputs, h, w) to (N, outputs, h / stride, w / stride)."""
+        return functional.relu(self.path(x) + self.shortcut(x), inplace=True)
+
+
+class DeconvHead(nn.Sequential):
+    """Transposed convolutions on the last stage (Xiao et al., 2018: simple baselines)."""
+
+    def __init__(self, channels: list[int], widths: tuple[int, ...], maps: int) -> None:
+        """`channels` of the four stages."""
+        sizes = (channels[-1], *widths)
+        steps = [ConvNorm(a, b, 4, 2, up=True) for a, b in itertools.pairwise(sizes)]
+        super().__init__(*steps, nn.Conv2d(sizes[-1], maps, 1))
+
+    def forward(self, stages: list[Tensor]) -> Tensor:
+        """Maps from the last stage."""
+        maps: Tensor = super().forward(stages[-1])
+        return maps
+
+
+class PyramidHead(nn.Module):
+    """A feature pyramid (Lin et al., 2017): 1 x 1 laterals, nearest upsampling, a 3 x 3 a level, stride 4."""
+
+    def __init__(self, channels: list[int], widths: tuple[int, ...], maps: int) -> None:
+        """`channels` of the four stages; one width for all levels."""
+        super().__init__()
+        (width,) = widths
+        self.laterals = nn.ModuleList([nn.Conv2d(c, width, 1) for c in channels])
+        self.smooth = nn.ModuleList([ConvNorm(width, width, 3) for _ in channels[:-1]])
+        self.maps = nn.Conv2d(width, maps, 1)
+
+    def forward(self, stages: list[Tensor]) -> Tensor:
+        """Maps from all stages."""
+        x = self.laterals[-1](stages[-1])
+        for i in reversed(range(len(self.smooth))):
+            x = functional.interpolate(x, scale_factor=2.0, mode="nearest")
+            x = self.smooth[i](x + self.laterals[i](stages[i]))
+        maps: Tensor = self.maps(x)
+        return maps
+
+
+_HEADS = {"deconv": DeconvHead, "fpn": PyramidHead}
+
+
+class KeypointNetwork(nn.Module):
+    """Backbone and two heads of a `NetworkConfig`."""
+
+    cell_x: Tensor
+    partner: Tensor
+    cell_y: Tensor
+    mean: Tensor
+    std: Tensor
+
+    def __init__(self, config: NetworkConfig) -> None:
+        """Weights are torch's random ones: seed torch before."""
+        super().__init__()
+        self.config = config
+        widths = config.widths
+        if config.stem == "imagenet":
+            self.stem = nn.Sequential(ConvNorm(3, 64, 7, 2), nn.MaxPool2d(3, 2, 1))
+        else:
+            self.stem = nn.Sequential(
+                ConvNorm(3, widths[0] // 2, 3, 2), ConvNorm(widths[0] // 2, widths[0], 3, 2)
+            )
+        channels, inputs = [], 64 if config.stem == "imagenet" else widths[0]
+        stages = []
+        for i, (width, count) in enumerate(zip(widths, config.blocks, strict=True)):
+            blocks = []
+            for j in range(count):
+                blocks.append(Block(inputs, width, 2 if i > 0 and j == 0 else 1, config.bottleneck))
+                inputs = 4 * width if config.bottleneck else width
+            stages.append(nn.Sequential(*blocks))
+            channels.append(inputs)
+        self.stages = nn.ModuleList(stages)
+        self.head: nn.Module = _HEADS[config.head](channels, config.head_widths, len(KEYPOINTS))
+        self.classes = nn.Linear(channels[-1], len(KINDS))
+        self.stride = 4.0 if config.head == "fpn" else 32.0 / 2 ** len(config.head_widths)
+        for name, pixels in (("cell_x", config.width), ("cell_y", config.height)):
+            centres = crop_from_cell(np.arange(pixels / self.stride), self.stride)
+            self.register_buffer(name, torch.tensor(centres, dtype=torch.float32), persistent=False)
+        self.register_buffer("partner", torch.from_numpy(flip_indices()), persistent=False)
+        self.register_buffer("mean", torch.tensor(MEAN).reshape(1, 3, 1, 1), persistent=False)
+        self.register_buffer("std", torch.tensor(STD).reshape(1, 3, 1, 1), persistent=False)
+
+    def forward(self, crops: Tensor) -> Raw:
+        """Crops (N, 3, height, width), RGB 0 to 255."""
+        return self._raw((crops - self.mean) / self.std)
+
+    def _raw(self, normalised: Tensor) -> Raw:
+        x = self.stem(normalised)
+        stages = []
+        for stage in self.stages:
+            x = stage(x)
+            stages.append(x)
+        return Raw(self.head(stages), self.classes(x.mean(dim=(2, 3))))
+
+    def detect(self, pictures: Tensor, mirrored: bool = False) -> Decoded:
+        """The decoded answer for bytes (N, height, width, 3), as inference has them.
+
+        `mirrored`: of the mean with the maps of the pictures' mirror images.
+        """
+        # By rows: in an 8-bit file, where colours stay last, three numbers at a time cost a quarter of all.
+        row = self.config.width
+        mean, std = (value.flatten().repeat(row) for value in (self.mean, self.std))
+        x = ((pictures.float().flatten(2) - mean) / std).unflatten(2, (row, 3)).permute(0, 3, 1, 2)
+        raw = self._raw(x)
+        if mirrored:
+            other = self._raw(x.flip(3))
+            maps = other.maps.flip(3)[:, self.partner]
+            raw = Raw(0.5 * (raw.maps + maps), 0.5 * (raw.logits + other.logits))
+        return self.decode(raw)
+
+    def decode(self, raw: Raw) -> Decoded:
+        """Softargmax near the map's peak, the spread of the whole map, and its peak.
+
+        A map with two hills (front or back? which wheel?) gives the place of the higher one; the mean of both
+        would be where the keypoint surely is not. That there are two is told by the spread.
+        """
+        share = raw.maps.flatten(2).softmax(dim=2).unflatten(2, raw.maps.shape[2:])
+        peak, place = share.flatten(2).max(dim=2)
+        columns = len(self.cell_x)
+        x, variance_x = self._place(share.sum(dim=2), self.cell_x, place % columns)
+        y, variance_y = self._place(share.sum(dim=3), self.cell_y, place // columns)
+        spread = (variance_x + variance_y).sqrt()
+        return Decoded(torch.stack([x, y], dim=2), spread, peak, raw.logits.softmax(dim=1))
+
+    def _place(self, share: Tensor, cells: Tensor, peak: Tensor) -> tuple[Tensor, Tensor]:
+        """Along one axis the mean of the cells near the peak, and the variance of all: of shares (N, 53,
+        cells) and the index of the peak (N, 53)."""
+        near = share * ((cells - cells[peak][..., None]).abs() < self.config.reach * self.config.width)
+        mean = (share * cells).sum(dim=2)
+        # about the mean, not E[x^2] - E[x]^2: that loses the digits of small spreads
+        variance = (share * (cells - mean[..., None]) ** 2).sum(dim=2)
+        return (near * cells).sum(dim=2) / near.sum(dim=2), variance
+
+
+def folded(network: KeypointNetwork) -> KeypointNetwork:
+    """The same network (changed in place) for inference: normalisations folded into the convolutions."""
+    network.eval()
+    for module in network.modules():
+        if isinstance(module, ConvNorm):
+            module.fold()
+    return network
+
+
+def multiply_adds(network: KeypointNetwork) -> int:
+    """Multiply-adds of one crop: convolutions and linear layers, as the field counts them."""
+    total = 0
+
+    def count(module: nn.Module, inputs: tuple[Tensor, ...], output: Tensor) -> None:
+        nonlocal total
+        if isinstance(module, nn.Linear):
+            total += module.in_features * module.out_features
+        elif isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)):
+            # a kernel is applied once an output cell, a transposed one once an input cell
+            cells = (inputs[0] if isinstance(module, nn.ConvTranspose2d) else output)[0, 0].numel()
+            total += module.weight.numel() * cells
+
+    hooks = [module.register_forward_hook(count) for module in _leaves(network)]
+    was_training = network.training
+    network.eval()
+    with torch.no_grad():
+        network(torch.zeros(1, 3, network.config.height, network.config.width))
+    network.train(was_training)
+    for hook in hooks:
+        hook.remove()
+    return total
+
+
+def _leaves(network: nn.Module) -> Iterator[nn.Module]:
+    return (m for m in network.modules() if isinstance(m, (nn.Conv2d, nn.ConvTranspose2d, nn.Linear)))

@@ -1,0 +1,83 @@
+"""From a finished run to files that ship: scores calibrated, metrics measured, float16 and int8 written."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from groundpose.keypoints.codec import ByteArray, Codec
+from groundpose.keypoints.network import Network
+from groundpose.lab.training.batches import Batcher
+from groundpose.lab.training.crops import Crops
+from groundpose.lab.training.evaluate import answers
+from groundpose.lab.training.export import export, metadata, quantise
+from groundpose.lab.training.loop import detector, trained
+
+RANGES = 256
+"""Crops that the ranges of int8 are taken from."""
+
+
+@dataclass(frozen=True)
+class Released:
+    """The files written and the metrics of each on the crops they were judged on."""
+
+    path: Path
+    metrics: dict[str, float]
+    int8: Path | None
+    int8_metrics: dict[str, float]
+
+
+def release(
+    run: Path,
+    data: Path,
+    path: Path,
+    *,
+    int8: Path | None = None,
+    mirrored: bool = False,
+    command: str = "",
+    limit: int | None = None,
+) -> Released:
+    """Export the network of a run.
+
+    Args:
+        run: folder of the run. data: folder of crops.
+        path: ONNX file to write. int8: another one, quantised, if wanted.
+        mirrored: see `export`.
+        command: that trained it, for the file to tell.
+        limit: most crops to calibrate and to judge on.
+
+    Scores are calibrated on the validation crops; metrics are of the test crops where there are any.
+
+    Raises:
+        InputError: no run, no crops.
+    """
+    network, _, content = trained(run)
+    codec = Codec(network.config.width, network.config.height)
+    validation = Crops(data, "validation", limit)
+    detect = detector(network, mirrored)
+    calibration = answers(detect, validation, codec).calibration()
+    judged = Crops(data, "test", limit) if any(data.glob("test-*-labels.npy")) else validation
+    metrics = answers(detect, judged, codec).metrics(calibration)
+    said = metadata(codec, calibration, command, content["data"], content["config"], metrics)
+    said |= {
+        "mirrored": str(mirrored).lower(),
+        "steps": f"{content['step']} of {content['steps']}",
+        "training_seconds": f"{content['seconds']:.0f}",
+        "earlier_run": json.dumps(content["before"]),
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    export(network, path, said, mirrored=mirrored)
+    if int8 is None:
+        return Released(path, metrics, None, {})
+    quantise(path, int8, _pictures(Crops(data, "train", RANGES), codec))
+    small = Network(int8)
+    return Released(path, metrics, int8, answers(small.detect, judged, codec).metrics(calibration))
+
+
+def _pictures(crops: Crops, codec: Codec) -> ByteArray:
+    """Crops as inference cuts them, (N, height, width, 3)."""
+    images, labels = crops.take(np.arange(len(crops)))
+    return Batcher(codec, crops.codec)(images, labels, np.random.default_rng(0)).pictures()

@@ -1,0 +1,62 @@
+"""Crops of the virtual drive, drawn by the renderer (extra `[simulate]`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from groundpose.keypoints.codec import Codec
+from groundpose.lab.drive import Label, labels, scene, scene_seed
+from groundpose.lab.training.crops import Sample, record
+
+if TYPE_CHECKING:
+    from groundpose.lab.drive.render import Renderer
+
+SMALLEST = 18.0
+"""Pixels: the least height of a box, below the 25 that is judged."""
+MOST_HIDDEN, MOST_CUT = 0.8, 0.6
+"""Shares of a vehicle that may be hidden by others or lie outside the image."""
+FRAME_STEP = 4
+"""Every so many frames of a drive one is drawn: the next one shows much the same."""
+
+
+def rendered_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
+    """The vehicles worth learning from in `count` frames, every `FRAME_STEP`-th of the drives."""
+    for number in range(first * FRAME_STEP, (first + count) * FRAME_STEP, FRAME_STEP):
+        frame = scene(scene_seed(seed, split), number)
+        assert frame.camera.image_size is not None
+        for label in filter(_useful, labels(frame)):
+            window = codec.windows(label.bbox[None])[0]
+            image = _renderer().crop(frame, label.index, window, (codec.width, codec.height))
+            yield Sample(
+                image,
+                record(
+                    keypoints=label.keypoints_2d,
+                    state=label.keypoint_states,
+                    kind=label.kind,
+                    box=label.bbox,
+                    window=window,
+                    image_size=frame.camera.image_size,
+                    frame=number,
+                    index=label.index,
+                    occluded=label.occluded_share,
+                ),
+            )
+
+
+def _useful(label: Label) -> bool:
+    height = label.bbox[3] - label.bbox[1]
+    hidden, cut = label.occluded_share <= MOST_HIDDEN, label.truncation <= MOST_CUT
+    # behind the camera a keypoint has no pixel
+    return bool(height >= SMALLEST and hidden and cut and np.isfinite(label.keypoints_2d).all())
+
+
+@cache
+def _renderer() -> Renderer:
+    """One a process."""
+    from groundpose.lab.drive.render import Renderer
+
+    return Renderer()

@@ -1,0 +1,214 @@
+//! Options: every default in one place, checked once.
+
+use crate::error::{Got, InputError, require};
+use crate::minimal::p1p::Cases;
+use crate::refine::schedule::Refinement;
+use crate::search::score::Scoring;
+
+/// Which minimal solver makes the hypotheses.
+///
+/// ```
+/// use groundpose::Solver;
+///
+/// assert_eq!(Solver::NAMES[Solver::P1pHeight as usize], "p1p_height");
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Solver {
+    /// P1P where both sides of the box are known; else P1P with the camera's height, else UP2P. In the default
+    /// refinement UP2P has a second try where chance explains the answer nearly as well: the better one is kept.
+    Auto = 0,
+    /// RNSC-P1P: one keypoint, two box sides, tilt.
+    P1p = 1,
+    /// RNSC-P3P: three keypoints.
+    P3p = 2,
+    /// RNSC-UP2P: two keypoints, tilt.
+    Up2p = 3,
+    /// One keypoint, one box side, tilt, camera height.
+    P1pHeight = 4,
+}
+
+impl Solver {
+    /// Names in order; the first stands for [`Solver::Auto`] among options and for "no solver ran" in results.
+    pub const NAMES: [&'static str; 5] = ["none", "p1p", "p3p", "up2p", "p1p_height"];
+
+    /// Keypoints that make a hypothesis.
+    pub(crate) fn sample_size(self) -> usize {
+        match self {
+            Solver::Auto | Solver::P1p | Solver::P1pHeight => 1,
+            Solver::Up2p => 2,
+            Solver::P3p => 3,
+        }
+    }
+}
+
+/// How poses are estimated. `Options::default()` is the place of every default.
+///
+/// ```
+/// use groundpose::{Options, Refinement, Solver};
+///
+/// // The paper's method with its thresholds in pixels.
+/// let paper = Options {
+///     solver: Solver::P1p,
+///     refinement: Refinement::Hre,
+///     inlier_threshold: Some(4.0),
+///     ..Options::default()
+/// };
+/// assert!(paper.check().is_ok());
+/// assert_eq!(paper.effective_tilt_sigma(), f64::INFINITY);
+/// assert!(!paper.effective_shape_prior() && paper.effective_bbox_sigma(4.0).is_infinite());
+///
+/// // Ours, unless told otherwise: upright within 1.5 degrees, box sides within two thresholds, shapes of the class.
+/// let ours = Options::default().with_seed(1);
+/// assert_eq!(ours.effective_tilt_sigma(), Options::OBJECT_TILT_SIGMA);
+/// assert_eq!((ours.effective_bbox_sigma(4.0), ours.effective_shape_prior()), (8.0, true));
+/// // For the tilt of a frame the poses must be free.
+/// assert_eq!(ours.without_tilt().effective_tilt_sigma(), f64::INFINITY);
+///
+/// let error = Options { confidence: 99.0, ..paper }.check().unwrap_err();
+/// assert_eq!(error.to_string(), "confidence: expected a probability between 0 and 1, got 99");
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Reprojection error in pixels up to which a keypoint is an inlier; `None`: from `relative_threshold`.
+    pub inlier_threshold: Option<f64>,
+    /// Inlier threshold as a share of the longer box side (paper, sec. 4.2.4).
+    pub relative_threshold: f64,
+    /// Wanted probability that some sample holds only inliers; the default refinement draws eight keypoints in any case.
+    pub confidence: f64,
+    /// Minimal solver.
+    pub solver: Solver,
+    /// Cases of P1P.
+    pub cases: Cases,
+    /// Score of a hypothesis.
+    pub scoring: Scoring,
+    /// Refinement of the best hypotheses.
+    pub refinement: Refinement,
+    /// `tau_1, tau_2, tau_3` of Algorithm 1 as multiples of the inlier threshold (paper, sec. 4.1.5: 4, 6, 12 px
+    /// at a threshold of 4 px).
+    pub hre_thresholds: [f64; 3],
+    /// Standard deviation, radians, of an object's up axis about the ground's normal: infinite gives the paper's
+    /// six degrees of freedom, small values an upright object. `None`: 1.5 degrees in the default refinement and
+    /// infinite in the paper's.
+    pub tilt_sigma: Option<f64>,
+    /// Gaussian prior on shape coefficients. `None`: in the default refinement, not in the paper's.
+    pub shape_prior: Option<bool>,
+    /// Standard deviation, pixels, of the sides of the 2D box against the projected 3D box; infinite: the box only
+    /// makes hypotheses. `None`: 2 times the inlier threshold in the default refinement and infinite in the paper's.
+    pub bbox_sigma: Option<f64>,
+    /// Whether to compute the covariance.
+    pub covariance: bool,
+    /// Most samples drawn.
+    pub max_iterations: usize,
+    /// Fewest visible keypoints of an answer.
+    pub min_keypoints: usize,
+    /// An answer must be better than chance: the largest log10 of the number of poses as good as it to expect among
+    /// random keypoints. Infinite: never refuse. See [`crate::estimate::estimator::Estimate::log10_nfa`].
+    pub max_log10_nfa: f64,
+    /// Whether keypoint scores weigh the residuals (they always order the draws).
+    pub score_weights: bool,
+    /// Seed of the draws.
+    pub seed: u64,
+}
+
+/// Standard deviation of the box sides in the default refinement, in inlier thresholds.
+const RELATIVE_BBOX_SIGMA: f64 = 2.0;
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            inlier_threshold: None,
+            relative_threshold: 0.0375,
+            confidence: 0.99,
+            solver: Solver::Auto,
+            cases: Cases::All,
+            scoring: Scoring::Msac,
+            refinement: Refinement::Default,
+            hre_thresholds: [1.0, 1.5, 3.0],
+            tilt_sigma: None,
+            shape_prior: None,
+            bbox_sigma: None,
+            covariance: true,
+            max_iterations: 10_000,
+            min_keypoints: 4,
+            max_log10_nfa: 1.0,
+            score_weights: true,
+            seed: 0,
+        }
+    }
+}
+
+impl Options {
+    /// Standard deviation, radians, of an object's up axis about the ground's normal (1.5 degrees; method, sec. 4).
+    pub const OBJECT_TILT_SIGMA: f64 = 1.5 * (core::f64::consts::PI / 180.0);
+
+    /// The same options for poses that the told tilt does not pull, with covariances: what `frame::UpAxis` needs.
+    #[must_use]
+    pub fn without_tilt(mut self) -> Self {
+        self.tilt_sigma = Some(f64::INFINITY);
+        self.covariance = true;
+        self
+    }
+
+    /// The same options with another seed.
+    #[must_use]
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// Standard deviation of the tilt prior that applies.
+    #[must_use]
+    pub fn effective_tilt_sigma(&self) -> f64 {
+        self.tilt_sigma.unwrap_or(match self.refinement {
+            Refinement::Default => Self::OBJECT_TILT_SIGMA,
+            _ => f64::INFINITY,
+        })
+    }
+
+    /// Standard deviation, pixels, of the box sides that applies at an inlier threshold.
+    #[must_use]
+    pub fn effective_bbox_sigma(&self, inlier_threshold: f64) -> f64 {
+        self.bbox_sigma.unwrap_or(match self.refinement {
+            Refinement::Default => RELATIVE_BBOX_SIGMA * inlier_threshold,
+            _ => f64::INFINITY,
+        })
+    }
+
+    /// Whether the shape prior applies.
+    #[must_use]
+    pub fn effective_shape_prior(&self) -> bool {
+        self.shape_prior.unwrap_or(self.refinement == Refinement::Default)
+    }
+
+    /// # Errors
+    /// Any value outside its range.
+    pub fn check(&self) -> Result<(), InputError> {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        if let Some(threshold) = self.inlier_threshold {
+            let expected = "a positive number of pixels, or none";
+            require(positive(threshold), "inlier_threshold", expected, Got::Number(threshold))?;
+        }
+        let r = self.relative_threshold;
+        require(positive(r), "relative_threshold", "a positive share of the longer box side", Got::Number(r))?;
+        let c = self.confidence;
+        require(c > 0.0 && c < 1.0, "confidence", "a probability between 0 and 1", Got::Number(c))?;
+        let [t1, t2, t3] = self.hre_thresholds;
+        let ordered = positive(t1) && t1 < t2 && t2 < t3 && t3.is_finite();
+        let expected = "three increasing positive multiples of the inlier threshold";
+        require(ordered, "hre_thresholds", expected, Got::Pair(t1, t3))?;
+        if let Some(sigma) = self.tilt_sigma {
+            let expected = "radians >= 0 (infinite: no prior), or none";
+            require(sigma >= 0.0, "tilt_sigma", expected, Got::Number(sigma))?;
+        }
+        if let Some(sigma) = self.bbox_sigma {
+            require(sigma > 0.0, "bbox_sigma", "pixels > 0 (infinite: not used), or none", Got::Number(sigma))?;
+        }
+        require(self.max_iterations > 0, "max_iterations", "at least 1", Got::Count(0))?;
+        let n = self.max_log10_nfa;
+        require(!n.is_nan(), "max_log10_nfa", "a number, or infinity to never refuse", Got::Number(n))?;
+        let m = self.min_keypoints;
+        require(m >= 3, "min_keypoints", "at least 3: fewer do not determine a pose", Got::Count(m))?;
+        Ok(())
+    }
+}

@@ -1,0 +1,8 @@
+//! Cameras, views, poses and boxes: what the rest computes with.
+
+pub mod bbox;
+pub mod camera;
+pub mod footprint;
+pub(crate) mod math;
+pub mod pose;
+pub mod view;

@@ -1,0 +1,68 @@
+//! How sure a pose is: the inverse of the normal equations over its inliers, priors included.
+
+use nalgebra::SMatrix;
+
+use crate::geometry::math::square;
+use crate::model::shape_model::MAX_MODES;
+use crate::refine::kernels::Kernel;
+use crate::refine::normal::{Normal, State, cholesky, padded_modes, solve_cholesky};
+use crate::refine::objective::Objective;
+
+/// Covariance of a pose: rotation vector on the left (camera frame, radians), then translation (metres).
+///
+/// ```
+/// use groundpose::PoseCovariance;
+///
+/// // 1 degree in every rotation, 0.1 m across and 0.5 m in depth.
+/// let sigma = [0.0175, 0.0175, 0.0175, 0.1, 0.1, 0.5_f64];
+/// let covariance = PoseCovariance::from_diagonal(&sigma.map(|s| s * s).into());
+/// assert_eq!(covariance[(5, 5)].sqrt(), 0.5);
+/// ```
+pub type PoseCovariance = SMatrix<f64, 6, 6>;
+/// Covariance of the shape coefficients, in the leading rows and columns.
+///
+/// ```
+/// use groundpose::{MAX_MODES, ShapeCovariance};
+///
+/// assert_eq!(ShapeCovariance::zeros().nrows(), MAX_MODES);
+/// ```
+pub type ShapeCovariance = SMatrix<f64, MAX_MODES, MAX_MODES>;
+
+/// Covariances of pose and shape, when the noise of a coordinate is that of the objective's priors; `None` when the
+/// inliers leave a direction free.
+pub(crate) fn covariance(
+    objective: &mut Objective,
+    state: &State,
+    inlier_threshold: f64,
+) -> Option<(PoseCovariance, ShapeCovariance)> {
+    objective.activate_within(&state.pose, inlier_threshold);
+    match padded_modes(objective.model.eigenvalues().len()) {
+        0 => inverse::<6>(objective, state),
+        5 => inverse::<11>(objective, state),
+        _ => inverse::<{ 6 + MAX_MODES }>(objective, state),
+    }
+}
+
+fn inverse<const D: usize>(objective: &Objective, state: &State) -> Option<(PoseCovariance, ShapeCovariance)> {
+    let mut normal = Normal::<D>::ZERO;
+    objective.linearise(state, Kernel::LeastSquares, &mut normal);
+    cholesky(&mut normal.h)?;
+    let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
+    let modes = objective.model.eigenvalues().len();
+    for column in 0..6 + modes {
+        let mut x = [0.0; D];
+        x[column] = square(objective.priors.noise_sigma);
+        solve_cholesky(&normal.h, &mut x);
+        if x.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
+        if column < 6 {
+            pose.column_mut(column).copy_from_slice(&x[..6]);
+        } else {
+            for m in 0..modes {
+                shape[(m, column - 6)] = x[6 + m];
+            }
+        }
+    }
+    Some((pose, shape))
+}

@@ -1,0 +1,122 @@
+//! Normal equations of fixed size: what residuals and priors add to, and their solution by Cholesky.
+//!
+//! The unknowns of size `D` are a rotation vector (left perturbation, radians), a translation (metres) and
+//! `D - 6` shape coefficients.
+
+use nalgebra::Vector6;
+
+use crate::geometry::pose::Pose;
+use crate::model::shape_model::MAX_MODES;
+
+/// Pose and shape coefficients.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct State {
+    pub(crate) pose: Pose,
+    pub(crate) coefficients: [f64; MAX_MODES],
+}
+
+impl State {
+    /// The state after a step.
+    pub(crate) fn moved<const D: usize>(&self, step: &[f64; D]) -> Self {
+        let pose = self.pose.perturbed(&Vector6::from_column_slice(&step[..6]));
+        let mut coefficients = self.coefficients;
+        for m in 0..D - 6 {
+            coefficients[m] += step[6 + m];
+        }
+        Self { pose, coefficients }
+    }
+}
+
+/// Normal equations at a state, and the cost there.
+pub(crate) struct Normal<const D: usize> {
+    /// Upper triangle; the lower one is zero.
+    pub(crate) h: [[f64; D]; D],
+    pub(crate) gradient: [f64; D],
+    pub(crate) cost: f64,
+}
+
+/// Size of the unknowns for a number of modes: few sizes, so that few copies of the code exist. Modes a model
+/// does not have get a zero Jacobian and stay zero.
+pub(crate) fn padded_modes(modes: usize) -> usize {
+    [0, 5].into_iter().find(|&m| modes <= m).unwrap_or(MAX_MODES)
+}
+
+/// Adds one weighted row to the upper triangle of the normal equations.
+#[inline(always)]
+pub(crate) fn add_row<const D: usize, const N: usize>(
+    normal: &mut Normal<D>,
+    j: &[f64; N],
+    residual: f64,
+    weight: f64,
+) {
+    for a in 0..N {
+        let wa = weight * j[a];
+        normal.gradient[a] += wa * residual;
+        for b in a..N {
+            normal.h[a][b] += wa * j[b];
+        }
+    }
+}
+
+impl<const D: usize> Normal<D> {
+    pub(crate) const ZERO: Self = Self { h: [[0.0; D]; D], gradient: [0.0; D], cost: 0.0 };
+}
+
+/// `-(H + damping diag(H))^-1 gradient`; `None` when the matrix is not positive definite.
+pub(crate) fn solve_damped<const D: usize>(normal: &Normal<D>, damping: f64) -> Option<[f64; D]> {
+    let mut h = normal.h;
+    for i in 0..D {
+        h[i][i] += damping * h[i][i];
+    }
+    cholesky(&mut h)?;
+    let mut x = normal.gradient;
+    for g in &mut x {
+        *g = -*g;
+    }
+    solve_cholesky(&h, &mut x);
+    x.iter().all(|x| x.is_finite()).then_some(x)
+}
+
+/// `H = U^T D U` in place of the upper triangle, `U` with a unit diagonal and `D` inverted on the diagonal: Cholesky
+/// without square roots; `None` when the matrix is not positive definite.
+#[inline(always)]
+pub(crate) fn cholesky<const D: usize>(h: &mut [[f64; D]; D]) -> Option<()> {
+    let mut scales = [0.0; D];
+    for j in 0..D {
+        scales[j] = h[j][j];
+    }
+    for j in 0..D {
+        let pivot = h[j][j];
+        // Relative to the diagonal: a direction the data says nothing about.
+        if !(pivot > 1e-14 * scales[j]) {
+            return None;
+        }
+        let inverse = 1.0 / pivot;
+        h[j][j] = inverse;
+        for i in j + 1..D {
+            let factor = h[j][i] * inverse;
+            for k in i..D {
+                h[i][k] -= factor * h[j][k];
+            }
+            h[j][i] = factor;
+        }
+    }
+    Some(())
+}
+
+/// Solves `U^T D U x = b` in place with the factors of [`cholesky`].
+#[inline(always)]
+pub(crate) fn solve_cholesky<const D: usize>(u: &[[f64; D]; D], x: &mut [f64; D]) {
+    for i in 0..D {
+        for k in i + 1..D {
+            x[k] -= u[i][k] * x[i];
+        }
+    }
+    for i in (0..D).rev() {
+        let mut s = x[i] * u[i][i];
+        for k in i + 1..D {
+            s -= u[i][k] * x[k];
+        }
+        x[i] = s;
+    }
+}

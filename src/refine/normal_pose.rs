@@ -1,0 +1,231 @@
+//! Sums over keypoints, four at a time: the robust cost of a pose, its gradient and its normal equations.
+
+use crate::geometry::camera::Camera;
+use crate::geometry::pose::Pose;
+use crate::refine::box_sides::{SPEAKS_OF_COLUMN, SPEAKS_OF_ROW, Sides};
+use crate::refine::kernels::{Kernel, tukey_lanes};
+use crate::refine::normal::Normal;
+use crate::simd::blocks::Block;
+use crate::simd::dispatch::HotLoop;
+use crate::simd::lanes::{Lanes, Unit, Vector};
+
+/// What a cost is summed over.
+pub(crate) struct Summands<'a> {
+    pub(crate) blocks: &'a [Block],
+    pub(crate) sides: Option<&'a Sides>,
+    pub(crate) camera: &'a Camera,
+    pub(crate) pose: &'a Pose,
+    pub(crate) kernel: Kernel,
+}
+
+/// Four points seen from a pose.
+pub(crate) struct Projected<V> {
+    /// Rotated model points.
+    pub(crate) p: [V; 3],
+    depth: V,
+    /// One over the depth, and the same times the focal lengths; zero behind the camera.
+    pub(crate) inverse: V,
+    pub(crate) a: V,
+    pub(crate) d: V,
+    /// Pixels, relative to the principal point, and residuals.
+    pub(crate) u: V,
+    pub(crate) v: V,
+    pub(crate) du: V,
+    pub(crate) dv: V,
+}
+
+impl Summands<'_> {
+    #[inline(always)]
+    fn project<U: Unit>(&self, unit: U, block: &Block) -> Projected<U::Vector> {
+        let t = &self.pose.t;
+        let p = [self.rotated(unit, block, 0), self.rotated(unit, block, 1), self.rotated(unit, block, 2)];
+        let depth = p[2] + unit.splat(t.z);
+        // A point behind the camera has no weight; its Jacobian must stay finite.
+        let inverse = (unit.splat(1.0) / depth).where_positive(depth, unit.zero());
+        let (a, d) = (inverse * self.camera.fx, inverse * self.camera.fy);
+        let (u, v) = ((p[0] + unit.splat(t.x)) * a, (p[1] + unit.splat(t.y)) * d);
+        Projected { p, depth, inverse, a, d, u, v, du: u - unit.load(block.u), dv: v - unit.load(block.v) }
+    }
+
+    /// One coordinate of the rotated model points.
+    #[inline(always)]
+    fn rotated<U: Unit>(&self, unit: U, block: &Block, i: usize) -> U::Vector {
+        let r = &self.pose.r;
+        unit.load(block.x) * r[(i, 0)] + unit.load(block.y) * r[(i, 1)] + unit.load(block.z) * r[(i, 2)]
+    }
+
+    /// Calls `add` with everything that has a residual: where it is, its cost, the weights of its column and row.
+    #[inline(always)]
+    fn each<U: Unit>(
+        &self,
+        unit: U,
+        evaluate: impl Fn(U::Vector) -> (U::Vector, U::Vector),
+        mut add: impl FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2]),
+    ) {
+        let (zero, infinity) = (unit.zero(), unit.splat(f64::INFINITY));
+        for block in self.blocks {
+            let active = unit.load(block.active);
+            let q = self.project(unit, block);
+            let (rho, weight) = evaluate((q.du * q.du + q.dv * q.dv).where_positive(q.depth, infinity));
+            let cost = (rho * active).where_positive(active, zero);
+            let w = (weight * active).where_positive(q.depth, zero);
+            add(q, cost, [w, w]);
+        }
+        if let Some(sides) = self.sides {
+            let (column, row) = (unit.load(SPEAKS_OF_COLUMN), unit.load(SPEAKS_OF_ROW));
+            let known = unit.load(sides.block.weight);
+            let q = self.project(unit, &sides.block);
+            let r2 = q.du * q.du * column + q.dv * q.dv * row;
+            let (rho, weight) = tukey_lanes(unit, r2, sides.c2, 1.0 / sides.c2);
+            let w = weight * known * sides.scale;
+            add(q, rho * known * sides.scale, [w * column, w * row]);
+        }
+    }
+
+    /// [`Summands::each`] with the kernel at hand.
+    #[inline(always)]
+    pub(crate) fn with_kernel<U: Unit>(
+        &self,
+        unit: U,
+        add: impl FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2]),
+    ) {
+        match self.kernel {
+            Kernel::LeastSquares => {
+                let one = unit.splat(1.0);
+                self.each(
+                    unit,
+                    #[inline(always)]
+                    |r2| (r2 * 0.5, one),
+                    add,
+                );
+            }
+            Kernel::Tukey { c2 } => {
+                let inverse = 1.0 / c2;
+                self.each(
+                    unit,
+                    #[inline(always)]
+                    |r2| tukey_lanes(unit, r2, c2, inverse),
+                    add,
+                );
+            }
+            Kernel::Student { .. } => {
+                self.each(
+                    unit,
+                    #[inline(always)]
+                    |r2| {
+                        let both = r2.lanes().0.map(|r2| self.kernel.evaluate(r2));
+                        (unit.load(Lanes(both.map(|b| b.0))), unit.load(Lanes(both.map(|b| b.1))))
+                    },
+                    add,
+                );
+            }
+        }
+    }
+}
+
+/// The cost alone.
+pub(crate) struct Cost<'a>(pub(crate) Summands<'a>);
+
+impl HotLoop for Cost<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) -> f64 {
+        let mut sum = unit.zero();
+        self.0.with_kernel(
+            unit,
+            #[inline(always)]
+            |_, cost, _| sum += cost,
+        );
+        sum.sum()
+    }
+}
+
+/// Cost, gradient and normal equations of the six unknowns of a pose, into the leading ones.
+pub(crate) struct Linearise<'a, const D: usize> {
+    pub(crate) summands: Summands<'a>,
+    pub(crate) normal: &'a mut Normal<D>,
+}
+
+impl<const D: usize> HotLoop for Linearise<'_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) {
+        let mut sums = [unit.zero(); SUMS];
+        self.summands.with_kernel(
+            unit,
+            #[inline(always)]
+            |q, cost, w| {
+                sums[SUMS - 1] += cost;
+                add_points(&q, w, &mut sums);
+            },
+        );
+        let mut totals = [0.0; SUMS];
+        for (totals, sums) in totals.as_chunks_mut().0.iter_mut().zip(sums.as_chunks().0) {
+            *totals = U::Vector::sums(*sums);
+        }
+        put_in_order(&totals, self.normal);
+    }
+}
+
+/// Gradient, normal equations without the zero between the translations along x and y, cost.
+const SUMS: usize = 28;
+
+/// Adds four points to gradient and normal equations, up to the signs of [`put_in_order`].
+///
+/// With `G` the gradients of a residual by the point in the camera frame, (a, 0, b) of a column and (0, d, e) of a
+/// row, `M = sum w G^T G` is the block of the translation, `[P]x M` couples the rotation with it, and
+/// `[P]x M [P]x^T` is the block of the rotation; `P` is the rotated model point.
+#[inline(always)]
+fn add_points<V: Vector>(q: &Projected<V>, [wc, wr]: [V; 2], sums: &mut [V; SUMS]) {
+    let [px, py, pz] = q.p;
+    // -b and -e
+    let (b, e) = (q.u * q.inverse, q.v * q.inverse);
+    let (wa, wb, wd, we) = (wc * q.a, wc * b, wr * q.d, wr * e);
+    let (m0, m1, m2) = (wa * q.du, wd * q.dv, wb * q.du + we * q.dv);
+    sums[0] += py * m2 + pz * m1;
+    sums[1] += pz * m0 + px * m2;
+    sums[2] += px * m1 - py * m0;
+    sums[3] += m0;
+    sums[4] += m1;
+    sums[5] += m2;
+    let (m00, m02, m11, m12, m22) = (wa * q.a, wa * b, wd * q.d, wd * e, wb * b + we * e);
+    sums[6] += m00;
+    sums[7] += m02;
+    sums[8] += m11;
+    sums[9] += m12;
+    sums[10] += m22;
+    let (n00, n01, n02) = (py * m02, py * m12 + pz * m11, py * m22 + pz * m12);
+    sums[11] += n00;
+    sums[12] += n01;
+    sums[13] += n02;
+    sums[14] += py * n02 + pz * n01;
+    sums[15] += pz * n00 + px * n02;
+    sums[16] += py * n00 - px * n01;
+    let (n10, n11, n12) = (pz * m00 + px * m02, px * m12, pz * m02 + px * m22);
+    sums[17] += n10;
+    sums[18] += n11;
+    sums[19] += n12;
+    sums[20] += pz * n10 + px * n12;
+    sums[21] += px * n11 - py * n10;
+    let (n20, n21) = (py * m00, px * m11);
+    sums[22] += n20;
+    sums[23] += n21;
+    sums[24] += n00 - n11;
+    sums[25] += px * n21 + py * n20;
+}
+
+/// The sums of [`add_points`] with their signs, where they belong.
+#[inline(always)]
+fn put_in_order<const D: usize>(s: &[f64; SUMS], normal: &mut Normal<D>) {
+    normal.cost = s[SUMS - 1];
+    normal.gradient[..6].copy_from_slice(&[-s[0], s[1], s[2], s[3], s[4], -s[5]]);
+    let h = &mut normal.h;
+    h[0][..6].copy_from_slice(&[s[14], -s[15], s[16], -s[11], -s[12], s[13]]);
+    h[1][1..6].copy_from_slice(&[s[20], s[21], s[17], s[18], -s[19]]);
+    h[2][2..6].copy_from_slice(&[s[25], -s[22], s[23], s[24]]);
+    h[3][3..6].copy_from_slice(&[s[6], 0.0, -s[7]]);
+    h[4][4..6].copy_from_slice(&[s[8], -s[9]]);
+    h[5][5] = s[10];
+}

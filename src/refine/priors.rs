@@ -1,0 +1,177 @@
+//! What is known besides the keypoints, weighed against their noise: the ground, the class, the 2D box.
+
+use nalgebra::Vector3;
+
+use crate::geometry::math::square;
+use crate::geometry::view::View;
+use crate::model::shape_model::ShapeModel;
+use crate::refine::box_extremes::Outermost;
+use crate::refine::box_sides::Sides;
+use crate::refine::kernels::Kernel;
+use crate::refine::normal::{Normal, State, add_row};
+use crate::simd::blocks::point_jacobian;
+use crate::simd::dispatch::VectorUnit;
+
+/// Priors of one object.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Priors {
+    /// Standard deviation of a keypoint's coordinate, pixels: what the others are weighed against.
+    pub(crate) noise_sigma: f64,
+    /// Standard deviation of the object's up axis about the ground's normal, radians; infinite: no prior.
+    pub(crate) tilt_sigma: f64,
+    /// Whether the shape coefficients have the model's eigenvalues as variances.
+    pub(crate) shape: bool,
+    /// Known sides of the 2D box (left, top, right, bottom) relative to the principal point; NaN: unknown.
+    pub(crate) bbox: [f64; 4],
+    /// Whether the box takes part in the current stage.
+    pub(crate) use_bbox: bool,
+    /// Standard deviation of a side, pixels; infinite: no prior.
+    pub(crate) bbox_sigma: f64,
+}
+
+/// Tails of the tilt prior: nearly Gaussian inside, forgiving for a tilt that is wrong for the whole frame.
+const TILT_DOF: f64 = 8.0;
+/// Standard deviations at which a side of the box loses its say: detectors' boxes have heavy tails, and the box of a
+/// hidden object ends anywhere.
+const BBOX_CUT: f64 = 4.0;
+
+/// Priors and what they speak of.
+pub(crate) struct PriorTerms<'a> {
+    pub(crate) unit: VectorUnit,
+    pub(crate) priors: &'a Priors,
+    pub(crate) view: &'a View,
+    pub(crate) model: &'a ShapeModel<'a>,
+}
+
+impl PriorTerms<'_> {
+    /// Adds tilt and shape to normal equations and cost.
+    pub(crate) fn add_tilt_and_shape<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
+        normal.cost += self.add_tilt_rows(state, normal) + self.shape_cost(state);
+        self.add_shape_rows(state, normal);
+    }
+
+    /// Cost of tilt and shape (pixels squared, halved).
+    pub(crate) fn tilt_and_shape_cost(&self, state: &State) -> f64 {
+        self.tilt_kernel().map_or(0.0, |(kernel, scale)| scale * kernel.evaluate(self.tilt(state).norm2).0)
+            + self.shape_cost(state)
+    }
+
+    /// Their cost and that of the box (pixels squared, halved).
+    pub(crate) fn cost(&self, state: &State) -> f64 {
+        self.tilt_and_shape_cost(state) + self.sides(state).map_or(0.0, |sides| sides.cost())
+    }
+
+    fn shape_cost(&self, state: &State) -> f64 {
+        let precision = if self.priors.shape { square(self.priors.noise_sigma) } else { 0.0 };
+        let coefficients = self.model.eigenvalues().iter().zip(&state.coefficients);
+        coefficients.map(|(variance, lambda)| 0.5 * precision * square(*lambda) / variance).sum()
+    }
+
+    /// Kernel of the tilt prior, and its weight in units of the pixel cost: `(noise / sigma)^2`.
+    fn tilt_kernel(&self) -> Option<(Kernel, f64)> {
+        let p = self.priors;
+        let s2 = square(p.tilt_sigma);
+        s2.is_finite().then(|| (Kernel::Student { s2, dof: TILT_DOF }, square(p.noise_sigma) / s2))
+    }
+
+    /// Components of the object's down axis along the ground's x and z axes: zero for an upright object.
+    fn tilt(&self, state: &State) -> Tilted {
+        let down: Vector3<f64> = state.pose.r.column(1).into();
+        let r = &self.view.r_camera_from_ground;
+        let axes: [Vector3<f64>; 2] = [r.column(0).into(), r.column(2).into()];
+        let q = axes.map(|axis| axis.dot(&down));
+        Tilted { down, axes, q, norm2: square(q[0]) + square(q[1]) }
+    }
+
+    /// Adds the rows of the tilt; its cost.
+    fn add_tilt_rows<const D: usize>(&self, state: &State, normal: &mut Normal<D>) -> f64 {
+        let Some((kernel, scale)) = self.tilt_kernel() else { return 0.0 };
+        let tilted = self.tilt(state);
+        let (rho, weight) = kernel.evaluate(tilted.norm2);
+        for (axis, q) in tilted.axes.iter().zip(tilted.q) {
+            // The translation does not tilt.
+            let row: [f64; 3] = tilted.down.cross(axis).into();
+            add_row(normal, &row, q, scale * weight);
+        }
+        scale * rho
+    }
+
+    /// Coefficients with the eigenvalues as variances.
+    fn add_shape_rows<const D: usize>(&self, state: &State, normal: &mut Normal<D>) {
+        let eigenvalues = self.model.eigenvalues();
+        for m in 0..D - 6 {
+            match eigenvalues.get(m) {
+                // A padded mode: any curvature keeps it at zero.
+                None => normal.h[6 + m][6 + m] = 1.0,
+                Some(&variance) if self.priors.shape => {
+                    let precision = square(self.priors.noise_sigma) / variance;
+                    normal.gradient[6 + m] += precision * state.coefficients[m];
+                    normal.h[6 + m][6 + m] += precision;
+                }
+                Some(_) => {}
+            }
+        }
+    }
+
+    /// Every side of the box and the corner of the projected 3D box that should touch it; none when a corner is behind
+    /// the camera, or when the box takes no part. The footprint is stretched with the box.
+    pub(crate) fn sides(&self, state: &State) -> Option<Sides> {
+        let (p, model) = (self.priors, self.model);
+        let s2 = square(p.bbox_sigma);
+        if !p.use_bbox || !s2.is_finite() {
+            return None;
+        }
+        let [min, max] = model.bbox_3d_of(&state.coefficients);
+        let stretch = |axis: usize| {
+            if model.bbox_basis().is_empty() {
+                return (1.0, 0.0);
+            }
+            let [mean_min, mean_max] = model.bbox_3d();
+            let factor = (max[axis] - min[axis]) / (mean_max[axis] - mean_min[axis]);
+            (factor, min[axis] - factor * mean_min[axis])
+        };
+        let (x, z) = (stretch(0), stretch(2));
+        let extremes = self.unit.run(Outermost {
+            camera: &self.view.camera,
+            pose: &state.pose,
+            footprint: model.footprint().corners(),
+            factor: [x.0, z.0],
+            offset: [x.1, z.1],
+            heights: [min[1], max[1]],
+        });
+        extremes.map(|extremes| Sides::new(&extremes, &p.bbox, square(BBOX_CUT) * s2, square(p.noise_sigma) / s2))
+    }
+
+    /// Adds the rows of the box to the unknowns of pose and shape; its cost.
+    pub(crate) fn add_sides<const D: usize>(&self, state: &State, sides: &Sides, normal: &mut Normal<D>) -> f64 {
+        let kernel = Kernel::Tukey { c2: sides.c2 };
+        for (side, residual) in sides.residuals().into_iter().enumerate() {
+            let (corner, axis) = (sides.corner(side), side % 2);
+            let weight = sides.scale * kernel.evaluate(square(residual)).1;
+            if sides.block.weight.0[side] == 0.0 || weight == 0.0 {
+                continue;
+            }
+            let Some(jacobian) = point_jacobian(&self.view.camera, &state.pose, corner) else {
+                continue;
+            };
+            let (pose, point) = (&jacobian.pose[axis], &jacobian.point[axis]);
+            let mut row = [0.0; D];
+            row[..6].copy_from_slice(pose);
+            let [min, max] = self.model.bbox_3d_of(&state.coefficients);
+            let share = [0, 1, 2].map(|axis| (corner[axis] - min[axis]) / (max[axis] - min[axis]));
+            for (entry, [min, max]) in row[6..].iter_mut().zip(self.model.bbox_basis()) {
+                *entry = (0..3).map(|axis| point[axis] * (min[axis] + share[axis] * (max[axis] - min[axis]))).sum();
+            }
+            add_row(normal, &row, residual, weight);
+        }
+        sides.cost()
+    }
+}
+
+/// How far an object is from upright.
+struct Tilted {
+    down: Vector3<f64>,
+    axes: [Vector3<f64>; 2],
+    q: [f64; 2],
+    norm2: f64,
+}

@@ -1,0 +1,75 @@
+//! Hot loops compiled for several vector units; the best the machine has is chosen at run time.
+//!
+//! The arithmetic is the same in all of them, operation by operation, so the results are the same bits.
+
+use crate::simd::lanes::{Portable, Unit};
+
+/// A loop over many numbers that may run on any vector unit. `run`, and everything it calls, is inlined always.
+pub(crate) trait HotLoop {
+    type Output;
+    fn run<U: Unit>(self, unit: U) -> Self::Output;
+}
+
+/// The vector unit of this machine.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct VectorUnit {
+    #[cfg(all(feature = "std", target_arch = "x86_64"))]
+    arch: pulp::x86::Arch,
+}
+
+impl VectorUnit {
+    /// Looks what there is.
+    #[inline]
+    pub(crate) fn detect() -> Self {
+        Self {
+            #[cfg(all(feature = "std", target_arch = "x86_64"))]
+            arch: pulp::x86::Arch::new(),
+        }
+    }
+
+    /// What the hot loops run on.
+    #[cfg(feature = "python")]
+    pub(crate) fn name(self) -> &'static str {
+        #[cfg(target_arch = "x86_64")]
+        return match self.arch {
+            pulp::x86::Arch::V4(_) => "avx512",
+            pulp::x86::Arch::V3(_) => "avx2",
+            _ => "baseline",
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        "baseline"
+    }
+
+    /// Every unit of this machine, and none.
+    #[cfg(all(test, feature = "std", target_arch = "x86_64"))]
+    pub(crate) fn all() -> Vec<Self> {
+        use pulp::x86::{Arch, V3, V4};
+        let found = [V3::try_new().map(Arch::V3), V4::try_new().map(Arch::V4), Some(Arch::Scalar)];
+        found.into_iter().flatten().map(|arch| Self { arch }).collect()
+    }
+
+    /// Runs a loop on this unit.
+    #[cfg(all(feature = "std", target_arch = "x86_64"))]
+    #[inline(always)]
+    pub(crate) fn run<H: HotLoop>(self, hot_loop: H) -> H::Output {
+        use pulp::x86::Arch;
+        match self.arch {
+            Arch::V4(v4) => v4.vectorize(
+                #[inline(always)]
+                || hot_loop.run(v4.avx),
+            ),
+            Arch::V3(v3) => v3.vectorize(
+                #[inline(always)]
+                || hot_loop.run(v3.avx),
+            ),
+            _ => hot_loop.run(Portable),
+        }
+    }
+
+    /// Runs a loop; elsewhere than on x86 the vector unit is part of the architecture or there is none.
+    #[cfg(not(all(feature = "std", target_arch = "x86_64")))]
+    #[inline(always)]
+    pub(crate) fn run<H: HotLoop>(self, hot_loop: H) -> H::Output {
+        hot_loop.run(Portable)
+    }
+}

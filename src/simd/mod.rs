@@ -1,0 +1,7 @@
+//! Hot loops over points laid out for vector units; the same bits on each of them.
+
+#[cfg(all(feature = "std", target_arch = "x86_64"))]
+mod avx;
+pub(crate) mod blocks;
+pub(crate) mod dispatch;
+pub(crate) mod lanes;
