@@ -2,9 +2,9 @@
 
     python examples/python/folder.py IMAGES --boxes BOXES --calibration CAMERA --out poses.csv
 
-BOXES is one file for all images (COCO, nuScenes, JSON lines) or a folder with a file per image (KITTI, JSON);
-CAMERA is KITTI, OpenCV, ROS or JSON, not needed where the boxes' file has the camera. `groundpose estimate IMAGES`
-does the same without a program, and keeps every field as JSON lines.
+BOXES is one file for all images (COCO, nuScenes, JSON lines) or a folder with a file per image (KITTI,
+JSON). CAMERA is KITTI, OpenCV, ROS or JSON; leave it out where the boxes' file has the camera. The command
+`groundpose estimate IMAGES` does the same without a program, and writes every field.
 """
 
 import argparse
@@ -28,6 +28,7 @@ def boxes_of(image: Path, boxes: Path) -> Boxes:
 
 
 def main() -> None:
+    """Image after image; nothing is kept in memory."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("images", type=Path)
     parser.add_argument("--boxes", type=Path, required=True)

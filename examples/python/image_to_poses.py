@@ -3,7 +3,7 @@
     python examples/python/image_to_poses.py
     python examples/python/image_to_poses.py --image my.jpg --boxes my.json --out my_poses.png
 
-BOXES has camera, tilt and boxes, as street/street.json beside this file; any format of docs/estimate.md will do.
+The file of boxes also has the camera and its tilt, as street/street.json beside this program.
 """
 
 import argparse
@@ -18,6 +18,7 @@ STREET = Path(__file__).parent / "street"
 
 
 def main() -> None:
+    """Estimate, print, draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--image", type=Path, default=STREET / "street.jpg")
     parser.add_argument("--boxes", type=Path, default=STREET / "street.json")
@@ -26,7 +27,7 @@ def main() -> None:
 
     found = read_boxes(given.boxes).of(given.image.name)
     if found.view is None:
-        parser.error(f"{given.boxes}: no camera in it; make a gp.View(gp.Camera(fx, fy, cx, cy), pitch=...) here")
+        parser.error(f"{given.boxes}: no camera; make a gp.View(gp.Camera(fx, fy, cx, cy), pitch=...) here")
     image = np.asarray(Image.open(given.image).convert("RGB"))
 
     pipeline = gp.Pipeline()  # loads the network once

@@ -2,8 +2,9 @@
 
     python examples/python/own_models.py
 
-Anything that stands on the ground will do: pallets, boats on trailers, aircraft. A model needs keypoints in metres
-(x right, y down, z forward); examples of other sizes give it modes, and the solver then finds the size as well.
+Anything that stands on the ground will do: pallets, boats on trailers, aircraft. A model needs keypoints in
+metres (x right, y down, z forward); examples of other sizes give it modes, and the solver then finds the size
+as well. Printed is the estimate, then the truth in brackets.
 """
 
 import groundpose as gp
@@ -31,6 +32,7 @@ def seen(length: float, t: np.ndarray, yaw: float, rng: np.random.Generator) -> 
 
 
 def main() -> None:
+    """Three containers, one model."""
     rng = np.random.default_rng(1)
     lengths = np.linspace(6.06, 13.72, 12)  # 20 to 45 feet
     model = gp.ShapeModel.fit(np.stack([container(length) for length in lengths]), modes=1, name="container")
@@ -43,8 +45,8 @@ def main() -> None:
         found = np.ptp(pose.keypoints_3d[:, 2])
         x, _, z = VIEW.R_camera_from_ground.T @ pose.t
         print(
-            f"{pose.status}: x {x:6.2f} ({t[0]:.2f}), z {z:6.2f} ({t[2]:.2f}) m, yaw {pose.yaw:5.2f} ({yaw:.2f}), "
-            f"length {found:5.2f} ({length:.2f}) m, {pose.inlier_count} of {len(pose.residuals)} keypoints agree"
+            f"{pose.status}: x {x:6.2f} ({t[0]:.2f}), z {z:6.2f} ({t[2]:.2f}) m, yaw {pose.yaw:.2f} ({yaw}), "
+            f"length {found:5.2f} ({length}) m, {pose.inlier_count} of {len(pose.residuals)} keypoints agree"
         )
 
 

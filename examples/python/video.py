@@ -1,7 +1,7 @@
 """Frame after frame of a video: the nearest vehicle of each frame.
 
-    python examples/python/video.py drive.mp4 --boxes boxes.jsonl        # needs: pip install "imageio[pyav]"
-    python examples/python/video.py drive.webp --boxes boxes.jsonl       # animated WebP, GIF, PNG, TIFF: nothing more
+    python examples/python/video.py drive.webp --boxes boxes.jsonl   # animated WebP, GIF, PNG, TIFF
+    python examples/python/video.py drive.mp4 --boxes boxes.jsonl    # needs: pip install "imageio[pyav]"
 
 BOXES has the boxes of frame 0, 1, 2 ... under these numbers, as COCO's results or as JSON lines
 `{"id": 0, "camera": {...}, "pitch_deg": 1.7, "objects": [{"bbox": [left, top, right, bottom]}]}`.
@@ -10,6 +10,7 @@ With a detector of your own, call it in the loop: `pipeline(frame, detector(fram
 
 import argparse
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import groundpose as gp
@@ -23,21 +24,20 @@ def frames(path: Path) -> Iterator[np.ndarray]:
     """The frames (H, W, 3), RGB, one at a time."""
     try:
         film = Image.open(path)
-    except UnidentifiedImageError:  # not a format of Pillow: a video
-        import imageio.v3
-
-        yield from imageio.v3.imiter(path)
-        return
+    except UnidentifiedImageError:  # no format of Pillow: a video
+        imageio = import_module("imageio.v3")
+        return (yield from imageio.imiter(path))
     with film:
         for frame in ImageSequence.Iterator(film):
             yield np.asarray(frame.convert("RGB"))
 
 
 def main() -> None:
+    """Frame after frame; nothing is kept in memory."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("video", type=Path)
     parser.add_argument("--boxes", type=Path, required=True)
-    parser.add_argument("--calibration", type=Path, help="where the boxes' file has no camera")
+    parser.add_argument("--calibration", type=Path)
     given = parser.parse_args()
 
     boxes = read_boxes(given.boxes)
@@ -45,14 +45,15 @@ def main() -> None:
     pipeline = gp.Pipeline()
     for number, frame in enumerate(frames(given.video)):
         found = boxes.of(str(number))
-        poses = pipeline(frame, np.reshape([box.bbox for box in found.boxes], (-1, 4)), calibrated or found.view)
-        took = 1e3 * sum(poses.seconds.values())
+        bboxes = np.reshape([box.bbox for box in found.boxes], (-1, 4))
+        poses = pipeline(frame, bboxes, calibrated or found.view)
         if not poses.ok.any():
-            print(f"frame {number}: no vehicle ({took:.0f} ms)")
+            print(f"frame {number}: no vehicle")
             continue
         nearest = poses[int(np.nanargmin(np.linalg.norm(poses.t, axis=1)))]
-        distance, yaw = np.linalg.norm(nearest.t), np.degrees(nearest.yaw)
-        print(f"frame {number}: {nearest.model.name} at {distance:.1f} m, yaw {yaw:+.0f} deg ({took:.0f} ms)")
+        where = f"{np.linalg.norm(nearest.t):.1f} m, yaw {np.degrees(nearest.yaw):+.0f} deg"
+        took = 1e3 * sum(poses.seconds.values())
+        print(f"frame {number}: {nearest.model.name} at {where} ({took:.0f} ms for {len(poses)})")
 
 
 if __name__ == "__main__":
