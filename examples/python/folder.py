@@ -47,7 +47,7 @@ def main() -> None:
             view = calibrated or found.view
             if view is None:
                 parser.error(f"{given.boxes}: no camera in it; give --calibration")
-            poses = pipeline(image, np.reshape([box.bbox for box in vehicles], (-1, 4)), view)
+            poses = pipeline(image, [box.bbox for box in vehicles], view)
             for box, pose in zip(vehicles, poses, strict=True):
                 numbers = [*pose.t, pose.covariance[5, 5] ** 0.5, np.degrees(pose.yaw)]
                 table.writerow([image.name, box.id, pose.model.name, pose.status, *np.round(numbers, 3)])

@@ -45,8 +45,7 @@ def main() -> None:
     pipeline = gp.Pipeline()
     for number, frame in enumerate(frames(given.video)):
         found = boxes.of(str(number))
-        bboxes = np.reshape([box.bbox for box in found.boxes], (-1, 4))
-        poses = pipeline(frame, bboxes, calibrated or found.view)
+        poses = pipeline(frame, [box.bbox for box in found.boxes], calibrated or found.view)
         if not poses.ok.any():
             print(f"frame {number}: no vehicle")
             continue
