@@ -206,7 +206,7 @@ pub fn named(methods: Vec<Method>, name: &str) -> Work {
     methods.into_iter().find(|m| m.0 == name).expect("a method").1
 }
 
-/// Checks, before the work is timed, that it gives right answers (a single draw may be wrong); returns the median error.
+/// Checks before timing that the work gives right answers (a single draw may be wrong); returns the median error.
 pub fn assert_right(name: &str, work: &Work, objects: &Objects) -> f64 {
     let errors = work.errors(objects);
     let (count, answered) = (errors.len(), errors.iter().filter(|error| error.is_finite()).count());
