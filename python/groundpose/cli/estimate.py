@@ -16,6 +16,7 @@ from groundpose._core import InputError, default_options
 from groundpose.cli.inputs import NetworkFile, is_image
 from groundpose.cli.output import FORMATS, Output, Pictures, Style, mistakes, refuse
 from groundpose.cli.run import Result, Tilt, run
+from groundpose.estimate import estimate_poses
 from groundpose.formats.frames import Frame, FrameSource
 from groundpose.formats.records import pose_record, tilt_members
 from groundpose.poses import PoseBatch
@@ -255,12 +256,17 @@ class _FrameWork:
             try:
                 if isinstance(frame, InputError):
                     raise frame
-                told = replace(frame, view=self.tilt.of(frame.view))
-                poses = told.estimate(self.options, self.threads, self.tilt.frame_sigma)
+                tilted = replace(frame, view=self.tilt.of(frame.view))
+                poses = estimate_poses(
+                    **tilted.arguments,
+                    options=self.options,
+                    threads=self.threads,
+                    frame_tilt_sigma=self.tilt.frame_sigma,
+                )
             except InputError as error:
                 yield error
             else:
-                yield Result(told, poses)
+                yield Result(tilted, poses)
 
     def remarks(self) -> list[str]:
         return []
