@@ -81,18 +81,6 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
-    """Ground as triangles: vertices and normals (V, 3) world, uv (V, 2) = (d, s) metres, faces (F, 3) whose
-    right-hand normals point up, materials (F,) rows of road_mesh.MATERIALS."""
-
-    vertices: FloatArray
-    normals: FloatArray
-    uv: FloatArray
-    faces: np.ndarray[tuple[int, int], np.dtype[np.int32]]
-    materials: np.ndarray[tuple[int], np.dtype[np.uint8]]
-
-
-@dataclass(frozen=True, eq=False)
 class Road:
     """A road from s = `start` on; all arrays have one value per station, `STEP` apart.
 
@@ -180,12 +168,6 @@ class Road:
     def heading_at(self, s: ArrayLike) -> FloatArray:
         """Direction (N,) of the centre line, radians to the right of world z."""
         return np.asarray(self._at(np.atleast_1d(s))[2])
-
-    def mesh(self, s_from: float | None = None, s_to: float | None = None) -> Mesh:
-        """The ground between two s as triangles; None: the whole road."""
-        from groundpose.lab.drive.road_mesh import build  # that file imports this one
-
-        return build(self, self.start if s_from is None else s_from, self.end if s_to is None else s_to)
 
     def _at(self, s: FloatArray) -> FloatArray:
         """Columns (C, N) of the table at s."""

@@ -8,13 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundpose._checks import FloatArray
-from groundpose.lab.drive.road import KERB_HEIGHT, Junction, Layout, Mesh, Road
+from groundpose.lab.drive.road import KERB_HEIGHT, Junction, Layout, Road
 
 MATERIALS = ("asphalt", "marking", "kerb", "pavement", "verge")
 
 _LINE = 0.06  # half the width of a painted line
 _KERB_STONE = 0.15
 _SPACING = 1.0  # of cross-sections, metres
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Ground as triangles: vertices and normals (V, 3) world, uv (V, 2) = (d, s) metres, faces (F, 3) whose
+    right-hand normals point up, materials (F,) rows of `MATERIALS`."""
+
+    vertices: FloatArray
+    normals: FloatArray
+    uv: FloatArray
+    faces: np.ndarray[tuple[int, int], np.dtype[np.int32]]
+    materials: np.ndarray[tuple[int], np.dtype[np.uint8]]
 
 
 @dataclass(frozen=True)
@@ -30,8 +42,9 @@ class Strip:
     dash: tuple[float, float] | None = None
 
 
-def build(road: Road, s_from: float, s_to: float) -> Mesh:
-    """The mesh of `Road.mesh`."""
+def road_mesh(road: Road, s_from: float | None = None, s_to: float | None = None) -> Mesh:
+    """The ground between two s as triangles; None: the whole road."""
+    s_from, s_to = road.start if s_from is None else s_from, road.end if s_to is None else s_to
     pieces: list[_Piece] = []
     for first, last, strips in _sections(road, s_from, s_to):
         for strip in strips:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from functools import cache
 from importlib import import_module
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ def program(name: str, fragment: str | None = None, defines: tuple[str, ...] = (
 
 
 def _source(name: str) -> str:
-    return (files("groundpose.lab.drive.render") / "shaders" / name).read_text("utf-8")
+    return (Path(__file__).parent / "shaders" / name).read_text("utf-8")
 
 
 def set_uniforms(target: Any, values: dict[str, Any]) -> None:

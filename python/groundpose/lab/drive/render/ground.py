@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose.lab.drive import road_mesh
 from groundpose.lab.drive.render import textures
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.view import box_corners, in_view
 from groundpose.lab.drive.road import Road
+from groundpose.lab.drive.road_mesh import MATERIALS, road_mesh
 from groundpose.lab.drive.scene import Scene
 
 PROGRAMS = ("ground", "wet_ground")  # dry, wet
@@ -38,7 +38,7 @@ class Ground:
 
     def __init__(self, programs: dict[str, Any], road: Road) -> None:
         """Sort the faces into cells."""
-        mesh = road.mesh()
+        mesh = road_mesh(road)
         corners = mesh.vertices[mesh.faces]
         cell = np.floor(corners.mean(axis=1)[:, [0, 2]] / _CELL).astype(np.int64) @ [100003, 1]
         order = np.argsort(cell, kind="stable")
@@ -75,7 +75,7 @@ def surfaces(scene: Scene) -> NDArray[np.float32]:
     """The uniform of ground.frag: the materials of the road, drawn from the light's seed."""
     rng = np.random.default_rng([86, scene.light.seed])
     out = np.zeros((8, 4), "f4")
-    for i, name in enumerate(road_mesh.MATERIALS):
+    for i, name in enumerate(MATERIALS):
         choice, tile, bright, kind = _SURFACES[name]
         picked = choice[rng.integers(len(choice))]
         out[i] = textures.layer(picked), tile, bright * rng.uniform(0.8, 1.2), kind
