@@ -13,7 +13,8 @@ ROUNDED_TO = 500  # lines
 
 def rooms(folder: str) -> list[str]:
     """The paths in the first column of the tables, those below a folder."""
-    return re.findall(rf"^\| `({folder}/[^`]*)` \|", PAGE, re.MULTILINE)
+    rows = re.findall(r"^\| (`.*?`) \|", PAGE, re.MULTILINE)
+    return [path for row in rows for path in re.findall(rf"`({folder}/[^`]*)`", row)]
 
 
 def lines_of_python(folder: Path, without: str = " ") -> int:

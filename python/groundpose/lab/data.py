@@ -1,7 +1,7 @@
-"""Real data: where it lies, and the rotation that a labelled angle means.
+"""Real data: its folder, and the rotation of a labelled angle.
 
-The files are test input and not part of this package: they are found through `--data` or the environment
-variable GROUNDPOSE_DATA; without either they are looked for in the folder `data`.
+The files are test input and not part of this package. Their folder is given by `--data` or by the environment
+variable GROUNDPOSE_DATA; the default is the folder `data`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from groundpose._checks import FloatArray
 
 
 def data_folder(given: Path | None = None) -> Path:
-    """Where the real data is looked for. It need not exist."""
+    """The folder of the real data. It need not exist."""
     return given or Path(os.environ.get("GROUNDPOSE_DATA", "data"))
 
 

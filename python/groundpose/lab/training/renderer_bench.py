@@ -1,7 +1,7 @@
-"""Times the renderer on one core: `python -m groundpose.lab.training.renderer_bench OUT.json`.
+"""Time the renderer on one core: `python -m groundpose.lab.training.renderer_bench OUT.json`.
 
-Run it pinned with one drawing thread (`LP_NUM_THREADS=1 taskset -c 1`) on a quiet machine. It stands here
-because what it draws are crops to train on.
+Run it on a quiet machine with one drawing thread (`LP_NUM_THREADS=1 taskset -c 1`). It is in this room
+because it draws training crops.
 """
 
 from __future__ import annotations
