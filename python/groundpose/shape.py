@@ -116,6 +116,25 @@ class ShapeModel(Value):
             return self.bbox_3d
         return _deformed(self.bbox_3d, coefficients, self.bbox_basis)
 
+    def stretched_bbox_3d(self, shape_coefficients: FloatArray) -> FloatArray:
+        """3D box (2, 3), metres, of an estimated shape: the mean's, stretched about its bottom centre as the
+        extent of the keypoints is. Coefficients beyond the model's own M are not looked at."""
+        if not self.modes:
+            return self.bbox_3d
+        shape = self.keypoints(shape_coefficients[: self.modes])
+        before, after = np.ptp(self.keypoints_3d, axis=0), np.ptp(shape, axis=0)
+        fixed = self.bottom_centre
+        factor = np.divide(after, before, out=np.ones(3), where=before > 0.0)
+        return np.asarray(fixed + factor * (self.bbox_3d - fixed))
+
+    @property
+    def bottom_centre(self) -> FloatArray:
+        """Middle (3,), metres, of the bottom face of the 3D box."""
+        low, high = self.bbox_3d
+        middle = 0.5 * (low + high)
+        middle[1] = high[1]
+        return np.asarray(middle)
+
     def _coefficients(self, given: object) -> FloatArray:
         coefficients = given if np.size(given) else np.zeros(self.modes)  # type: ignore[arg-type]
         return shaped("shape_coefficients", coefficients, (self.modes,))

@@ -12,11 +12,12 @@ from groundpose.formats.apollo import CAMERAS, OURS_FROM_APOLLO, ApolloSet, read
 from groundpose.formats.kitti.dataset import KittiSet
 from groundpose.formats.kitti.table import KittiTable
 from groundpose.formats.skips import Skips
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import real
 from groundpose.lab.evaluate.kitti.bench import make_folder
 from groundpose.lab.evaluate.kitti.keypoints import Simulated
 from groundpose.lab.evaluate.kitti.objects import cars_of
-from groundpose.lab.evaluate.real_data import RealObjects, apollo, apollo_images, apollo_library, data_folder
+from groundpose.lab.evaluate.real_data import RealObjects, apollo, apollo_images, apollo_library
 from groundpose.lab.evaluate.tilt import table, ways
 from typer.testing import CliRunner
 

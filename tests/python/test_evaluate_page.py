@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from groundpose.cli.main import app
 from groundpose.formats.kitti.dataset import KittiSet
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import html
 from groundpose.lab.evaluate.kitti import page
 from groundpose.lab.evaluate.kitti.bench import make_folder
@@ -16,7 +17,6 @@ from groundpose.lab.evaluate.kitti.frame import Task
 from groundpose.lab.evaluate.kitti.keypoints import Simulated
 from groundpose.lab.evaluate.kitti.methods import METHODS
 from groundpose.lab.evaluate.kitti.run import Worker, run
-from groundpose.lab.evaluate.real_data import data_folder
 from PIL import Image
 from typer.testing import CliRunner
 

@@ -33,7 +33,7 @@ def test_a_frame_gives_the_poses_of_the_api():
     assert frame.view.camera == CAMERA
     view = frame.view
     expected = gp.estimate_poses(view, BATCH.keypoints_2d, BATCH.bboxes, MODEL)
-    assert_same(frame.estimate(gp.Options()), expected)
+    assert_same(gp.estimate_poses(**frame.arguments), expected)
     np.testing.assert_array_equal(frame.truth[1], BATCH.t)
     assert [o.id for o in frame.objects] == [0, 1, 2]
 
@@ -83,7 +83,7 @@ def test_everything_optional_is_read(tmp_path):
     assert got.models[0].name == "car"
     np.testing.assert_array_equal(got.models[1].keypoints_3d, MODEL.keypoints_3d)
     assert np.isnan(got.truth[0][1]).all()
-    assert len(got.estimate(gp.Options())) == 3  # scores of one object only
+    assert len(gp.estimate_poses(**got.arguments)) == 3  # scores of one object only
 
 
 def set_at(path: str, value: object):
@@ -246,7 +246,7 @@ def test_record_holds_the_pose_and_null_for_nan():
     frame = frame_of(batch, "a/1")
     frame["objects"][1]["keypoints_2d"] = [None] * 24
     read_ = read(frame)
-    poses = read_.estimate(gp.Options())
+    poses = gp.estimate_poses(**read_.arguments)
     record = json.loads(pose_record(read_, poses), parse_constant=lambda name: pytest.fail(name))
     assert record["id"] == "a/1"
     good, bad = record["objects"][0], record["objects"][1]

@@ -8,9 +8,9 @@ import groundpose.cli.main as cli
 import numpy as np
 import pytest
 from conftest import CAMERA, project
+from groundpose.lab.data import rotation_about_y
 from groundpose.lab.evaluate.experiments import compare
 from groundpose.lab.evaluate.experiments.store import Store
-from groundpose.lab.evaluate.real_data import rotation_about_y
 from groundpose.lab.evaluate.simulated import contest, errors, objects, page, run
 from groundpose.lab.evaluate.simulated import keypoint_noise as kn
 from typer.testing import CliRunner

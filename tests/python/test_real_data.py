@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate.real import compare
-from groundpose.lab.evaluate.real_data import RealObjects, apollo, data_folder, kitti
+from groundpose.lab.evaluate.real_data import RealObjects, apollo, kitti
 from groundpose.lab.evaluate.rivals import POSELIB_TUNED
 from groundpose.lab.metrics import rotation_error_deg
 

@@ -60,8 +60,8 @@ def tilt(
 
       groundpose evaluate tilt --data data -o tilt.json
     """
+    from groundpose.lab.data import data_folder
     from groundpose.lab.evaluate.apollo import run_tilt
-    from groundpose.lab.evaluate.real_data import data_folder
 
     with mistakes():
         _show_sets(run_tilt(data_folder(data), limit), out)

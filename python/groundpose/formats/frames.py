@@ -42,11 +42,9 @@ import numpy as np
 
 from groundpose._checks import FloatArray, input_error
 from groundpose._core import InputError
-from groundpose.estimate import estimate_poses
 from groundpose.formats.fields import Field, parse
-from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
-from groundpose.types import Camera, Options, View
+from groundpose.types import Camera, View
 
 BUNDLED = "bundled:"
 """Before the name of a class whose shape model comes with the package."""
@@ -82,16 +80,19 @@ class Frame:
     objects: tuple[FrameObject, ...]
     models: tuple[ShapeModel, ...]
 
-    def estimate(
-        self, options: Options, threads: int | None = None, frame_tilt_sigma: float | None = None
-    ) -> PoseBatch:
-        """`estimate_poses` of the frame's objects."""
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The frame as `estimate_poses` takes it: `estimate_poses(**frame.arguments)`."""
         objects, scores = self.objects, None
         if any(o.keypoint_scores is not None for o in objects):
             scores = [o.keypoint_scores or np.ones(len(o.keypoints_2d)) for o in objects]
-        keypoints, bboxes = [o.keypoints_2d for o in objects], [o.bbox for o in objects]
-        given = (self.view, keypoints, bboxes, self.models, scores, options, threads)
-        return estimate_poses(*given, frame_tilt_sigma=frame_tilt_sigma)
+        return {
+            "view": self.view,
+            "keypoints_2d": [o.keypoints_2d for o in objects],
+            "bboxes": [o.bbox for o in objects],
+            "models": self.models,
+            "keypoint_scores": scores,
+        }
 
     @property
     def truth(self) -> tuple[FloatArray, FloatArray] | None:

@@ -18,6 +18,8 @@ NO_ANSWER_E_T_PERCENT = 100.0
 FAILURE_E_R_DEG = 10.0
 FAILURE_E_T_PERCENT = 10.0
 FAR_OFF_E_R_DEG = 15.0
+RELATIVE_THRESHOLD = 0.0375
+"""Inlier threshold as a fraction of the longer side of the box (paper, sec. 4.2.2)."""
 
 
 def rotation_error_deg(R_true: npt.ArrayLike, R: npt.ArrayLike) -> Array:

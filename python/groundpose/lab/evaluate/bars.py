@@ -16,9 +16,10 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import accuracy, cost, guarantee, honesty, methods, report
 from groundpose.lab.evaluate.real import RealMethod, our_line
-from groundpose.lab.evaluate.real_data import data_folder, kitti
+from groundpose.lab.evaluate.real_data import kitti
 from groundpose.lab.evaluate.rivals import described
 from groundpose.lab.evaluate.rows import Check, Context, Result, to_json
 

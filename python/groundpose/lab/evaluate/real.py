@@ -16,12 +16,14 @@ import typer
 from rich.console import Console
 
 import groundpose as gp
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import methods, report
 from groundpose.lab.evaluate.methods import HRE_VEHICLE, Method
-from groundpose.lab.evaluate.real_data import RELATIVE_THRESHOLD, RealObjects, apollo, data_folder, kitti
+from groundpose.lab.evaluate.real_data import RealObjects, apollo, kitti
 from groundpose.lab.evaluate.rivals import OPENCV_EPNP, POSELIB_TUNED, RIVALS, Rival, described
 from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.metrics import (
+    RELATIVE_THRESHOLD,
     angular_translation_error_deg,
     rotation_error_deg,
     summarise,

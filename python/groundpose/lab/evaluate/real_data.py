@@ -1,13 +1,11 @@
 """Real keypoints with known truth, in our conventions: cars of KITTI (a CNN's keypoints) and of ApolloCar3D.
 
-The files are test input and not part of this package: they are found through `--data` or the environment
-variable GROUNDPOSE_DATA; without either they are looked for in the folder `data`.
+The files are test input and not part of this package; `groundpose.lab.data` says where they are found.
 """
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +16,10 @@ import numpy.typing as npt
 
 import groundpose as gp
 from groundpose.formats.apollo import CAMERAS, IMAGE_SIZE, OURS_FROM_APOLLO, ApolloImage
+from groundpose.lab.data import rotation_about_y
 from groundpose.lab.evaluate.scenes import Array, Scene
+from groundpose.lab.metrics import RELATIVE_THRESHOLD
 
-RELATIVE_THRESHOLD = 0.0375
-"""Inlier threshold as a share of the longer box side (paper, sec. 4.2.2)."""
 # KITTI objects: x forward, y down, z left; ours: x right, y down, z forward
 OURS_FROM_KITTI = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 KITTI_IMAGE = (1242, 375)
@@ -32,11 +30,6 @@ APOLLO_MODES = 5
 # width; the size in the labels spans roof to ground. The radius is a choice, see the note in `real`.
 WHEEL_RADIUS_M = 0.35
 MIRRORS = ("L_SideViewMirror", "R_SideViewMirror")
-
-
-def data_folder(given: Path | None = None) -> Path:
-    """Where the real data is looked for. It need not exist."""
-    return given or Path(os.environ.get("GROUNDPOSE_DATA", "data"))
 
 
 @dataclass(frozen=True)
@@ -87,14 +80,6 @@ class RealObjects:
             )
             for k in range(len(self))
         ]
-
-
-def rotation_about_y(angle: npt.ArrayLike) -> Array:
-    """R_y of the conventions, (...) radians -> (..., 3, 3)."""
-    c, s = np.cos(angle), np.sin(angle)
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    rows = [[c, zero, s], [zero, one, zero], [-s, zero, c]]
-    return np.asarray(np.stack([np.stack(row, axis=-1) for row in rows], axis=-2))
 
 
 def kitti(folder: Path) -> RealObjects:

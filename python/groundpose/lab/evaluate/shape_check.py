@@ -17,8 +17,8 @@ import groundpose as gp
 from groundpose.formats.apollo import OURS_FROM_APOLLO
 from groundpose.lab.bodies import drawing
 from groundpose.lab.bodies.make_models import BODIES, outlines
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import report
-from groundpose.lab.evaluate.real_data import data_folder
 from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.evaluate.shape_fit import Fit, fitted, mirrored, reached, rigidly_aligned
 from groundpose.lab.evaluate.shape_page import write_page

@@ -20,10 +20,10 @@ from groundpose.lab.evaluate.kitti.average_precision import NEIGHBOURS, Hits, Ov
 from groundpose.lab.evaluate.kitti.keypoints import Found, KeypointSource
 from groundpose.lab.evaluate.kitti.methods import LOWEST_SCORE, METHODS, KittiMethod
 from groundpose.lab.evaluate.kitti.overlap import image_overlap
-from groundpose.lab.evaluate.real_data import RELATIVE_THRESHOLD
 from groundpose.lab.evaluate.scenes import Scene
 from groundpose.lab.evaluate.simulated.contest import FEWEST_POINTS
 from groundpose.lab.metrics import (
+    RELATIVE_THRESHOLD,
     angular_translation_error_deg,
     rotation_error_deg,
     translation_error_percent,

@@ -19,11 +19,11 @@ from rich.console import Console
 
 from groundpose.keypoints.network import Network
 from groundpose.keypoints.pipeline import Pipeline
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.networks import poses
 from groundpose.lab.evaluate.networks.latency import THREADS, cost, milliseconds
 from groundpose.lab.evaluate.networks.page import write_page
-from groundpose.lab.evaluate.real_data import data_folder
 from groundpose.lab.training.configs import NETWORKS
 from groundpose.lab.training.crops import Crops, Records
 from groundpose.lab.training.evaluate import answers, inside_image

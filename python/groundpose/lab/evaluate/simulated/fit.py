@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import report
-from groundpose.lab.evaluate.real_data import data_folder, kitti
+from groundpose.lab.evaluate.real_data import kitti
 from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.evaluate.simulated.box_noise import SIDES, BoxNoise, SideNoise, at_border, draw_boxes
 from groundpose.lab.evaluate.simulated.keypoint_noise import (
