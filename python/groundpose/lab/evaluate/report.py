@@ -38,8 +38,8 @@ def machine() -> str:
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Readable, stable JSON: numbers to 6 digits and a line for each innermost object or list, so that a rerun
-    shows only what changed.
+    """Readable, stable JSON: numbers to 6 digits and a line for each innermost object or list, so that a
+    rerun shows only what changed.
 
     The path of the real data, if GROUNDPOSE_DATA names it, is written as `$GROUNDPOSE_DATA`: it is another
     one on every machine.
