@@ -5,8 +5,9 @@ use std::fs;
 use std::path::Path;
 
 /// The rooms from the ground to the roof, each with its files in the same order. A room without files is one file.
-const ROOMS: [(&str, &[&str]); 10] = [
+const ROOMS: [(&str, &[&str]); 11] = [
     ("error", &[]),
+    ("tuning", &[]),
     ("geometry", &["math", "bbox", "footprint", "camera", "view", "pose"]),
     ("model", &["shape_model", "observation"]),
     ("simd", &["lanes", "avx", "dispatch", "blocks"]),
@@ -19,6 +20,7 @@ const ROOMS: [(&str, &[&str]); 10] = [
             "box_extremes",
             "box_sides",
             "normal",
+            "keypoints",
             "normal_pose",
             "normal_joint",
             "priors",
@@ -28,7 +30,23 @@ const ROOMS: [(&str, &[&str]); 10] = [
             "covariance",
         ],
     ),
-    ("estimate", &["workspace", "options", "points", "hypothesise", "job", "estimator", "frame_tilt", "batch"]),
+    (
+        "estimate",
+        &[
+            "workspace",
+            "options",
+            "object",
+            "attempt",
+            "search",
+            "refine",
+            "verify",
+            "describe",
+            "pipeline",
+            "estimator",
+            "frame_tilt",
+            "batch",
+        ],
+    ),
     ("synthetic", &[]),
     ("python", &[]),
 ];

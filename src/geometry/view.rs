@@ -6,9 +6,7 @@ use crate::error::{Got, InputError, require};
 use crate::geometry::bbox::Bbox;
 use crate::geometry::camera::Camera;
 use crate::geometry::math::{atan2, norm2, tan};
-
-/// Sides of a box this close to the image border are cut by it.
-const BORDER_PX: f64 = 1.5;
+use crate::tuning::BORDER_PX;
 
 /// How the camera is tilted against the ground.
 ///

@@ -30,6 +30,7 @@ use crate::model::observation::Observation;
 use crate::model::shape_model::ShapeModel;
 use crate::simd::dispatch::{HotLoop, VectorUnit};
 use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
+use crate::tuning::FEASIBILITY_TOLERANCE;
 
 /// Which corners may touch the sides of the 2D box.
 ///
@@ -50,10 +51,6 @@ pub enum Cases {
 
 /// The paper's cases 1 to 4 as (left, right) rows of [`Footprint::rectangle`]; its corners 1 to 4 are rows 0 to 3.
 const PAPER_CASES: [(usize, usize); 4] = [(3, 1), (2, 0), (0, 2), (1, 3)];
-
-/// Corners may lie outside the side planes by this share of the keypoint's distance: room for noise
-/// (method: 3 % served well with 2 px).
-pub(super) const FEASIBILITY_TOLERANCE: f64 = 0.03;
 
 /// The solver for one object in one view.
 ///

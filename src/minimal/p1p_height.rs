@@ -7,11 +7,12 @@
 use nalgebra::Vector3;
 
 use super::MinimalSolver;
-use super::p1p::{FEASIBILITY_TOLERANCE, pose_at, solve_yaw, touching_heights};
+use super::p1p::{pose_at, solve_yaw, touching_heights};
 use crate::geometry::bbox::Bbox;
 use crate::geometry::pose::Pose;
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
+use crate::tuning::FEASIBILITY_TOLERANCE;
 
 /// A keypoint at nearly the camera's height has no depth: the smallest slope of its ray against the ground.
 const SMALLEST_SLOPE: f64 = 1e-3;

@@ -35,20 +35,20 @@ pub(crate) fn covariance(
     state: &State,
     inlier_threshold: f64,
 ) -> Option<(PoseCovariance, ShapeCovariance)> {
-    objective.activate_within(&state.pose, inlier_threshold);
-    match padded_modes(objective.model.eigenvalues().len()) {
+    objective.keypoints.activate_within(state, inlier_threshold);
+    match padded_modes(objective.keypoints.model.eigenvalues().len()) {
         0 => inverse::<6>(objective, state),
         5 => inverse::<11>(objective, state),
         _ => inverse::<{ 6 + MAX_MODES }>(objective, state),
     }
 }
 
-fn inverse<const D: usize>(objective: &Objective, state: &State) -> Option<(PoseCovariance, ShapeCovariance)> {
+fn inverse<const D: usize>(objective: &mut Objective, state: &State) -> Option<(PoseCovariance, ShapeCovariance)> {
     let mut normal = Normal::<D>::ZERO;
     objective.linearise(state, Kernel::LeastSquares, &mut normal);
     cholesky(&mut normal.h)?;
     let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
-    let modes = objective.model.eigenvalues().len();
+    let modes = objective.keypoints.model.eigenvalues().len();
     for column in 0..6 + modes {
         let mut x = [0.0; D];
         x[column] = square(objective.priors.noise_sigma);

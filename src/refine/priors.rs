@@ -11,6 +11,7 @@ use crate::refine::kernels::Kernel;
 use crate::refine::normal::{Normal, State, add_row};
 use crate::simd::blocks::point_jacobian;
 use crate::simd::dispatch::VectorUnit;
+use crate::tuning::{BBOX_CUT, TILT_DOF};
 
 /// Priors of one object.
 #[derive(Clone, Copy, Debug)]
@@ -28,12 +29,6 @@ pub(crate) struct Priors {
     /// Standard deviation of a side, pixels; infinite: no prior.
     pub(crate) bbox_sigma: f64,
 }
-
-/// Tails of the tilt prior: nearly Gaussian inside, forgiving for a tilt that is wrong for the whole frame.
-const TILT_DOF: f64 = 8.0;
-/// Standard deviations at which a side of the box loses its say: detectors' boxes have heavy tails, and the box of a
-/// hidden object ends anywhere.
-const BBOX_CUT: f64 = 4.0;
 
 /// Priors and what they speak of.
 pub(crate) struct PriorTerms<'a> {
@@ -158,9 +153,9 @@ impl PriorTerms<'_> {
             let mut row = [0.0; D];
             row[..6].copy_from_slice(pose);
             let [min, max] = self.model.bbox_3d_of(&state.coefficients);
-            let share = [0, 1, 2].map(|axis| (corner[axis] - min[axis]) / (max[axis] - min[axis]));
+            let place = [0, 1, 2].map(|axis| (corner[axis] - min[axis]) / (max[axis] - min[axis]));
             for (entry, [min, max]) in row[6..].iter_mut().zip(self.model.bbox_basis()) {
-                *entry = (0..3).map(|axis| point[axis] * (min[axis] + share[axis] * (max[axis] - min[axis]))).sum();
+                *entry = (0..3).map(|axis| point[axis] * (min[axis] + place[axis] * (max[axis] - min[axis]))).sum();
             }
             add_row(normal, &row, residual, weight);
         }

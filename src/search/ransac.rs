@@ -8,11 +8,10 @@ use crate::search::sampler::Stream;
 use crate::search::score::{Scoring, cost, inlier_count};
 use crate::simd::blocks::{Block, Projection};
 use crate::simd::dispatch::VectorUnit;
+use crate::tuning::OTHER_WAY;
 
 /// Hypotheses kept for refinement.
 pub(crate) const MAX_CANDIDATES: usize = 4;
-/// Two hypotheses whose forward axes are closer than this (cosine of 30 degrees) are one.
-const SAME_DIRECTION: f64 = 0.866;
 
 /// Why the search ended.
 ///
@@ -95,7 +94,7 @@ impl Candidates {
 
     /// Whether it became the best.
     fn offer(&mut self, candidate: Candidate) -> bool {
-        let same = |c: &Option<Candidate>| c.is_some_and(|c| c.pose.forward_cosine(&candidate.pose) > SAME_DIRECTION);
+        let same = |c: &Option<Candidate>| c.is_some_and(|c| c.pose.forward_cosine(&candidate.pose) > OTHER_WAY);
         let slot = match self.items[..self.wanted].iter().position(same) {
             Some(k) if self.items[k].is_some_and(|c| c.cost <= candidate.cost) => return false,
             Some(k) => k,

@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::geometry::camera::Camera;
 use crate::geometry::pose::Pose;
-use crate::simd::dispatch::HotLoop;
-use crate::simd::lanes::{Lanes, Unit, Vector};
+use crate::simd::dispatch::{HotLoop, VectorUnit};
+use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
 
 /// Four points of one object, side by side. Lanes beyond the last point have weight zero.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,8 +21,8 @@ pub struct Block {
     pub(crate) weight: Lanes,
     /// Weight in the current stage: `weight`, or zero for a point left out.
     pub(crate) active: Lanes,
-    /// Squared residual at the pose measured last, pixels squared.
-    pub(crate) r2: Lanes,
+    /// Squared residual, pixels squared: [`Measured`] alone reads it.
+    r2: Lanes,
 }
 
 impl Block {
@@ -66,10 +66,57 @@ impl Projection {
     }
 }
 
+/// Points with their squared residuals at the pose at which they were measured.
+#[derive(Clone, Copy)]
+pub(crate) struct Measured<'a>(&'a [Block]);
+
+impl<'a> Measured<'a> {
+    /// Measures the points of blocks.
+    #[inline]
+    pub(crate) fn new(unit: VectorUnit, blocks: &'a mut [Block], projection: &Projection) -> Self {
+        unit.run(Measure { blocks: &mut *blocks, projection });
+        Self(blocks)
+    }
+
+    /// Squared residuals, pixels squared, and weights, four at a time.
+    #[inline(always)]
+    pub(crate) fn each(self) -> impl Iterator<Item = (Lanes, Lanes)> {
+        self.0.iter().map(
+            #[inline(always)]
+            |block| (block.r2, block.weight),
+        )
+    }
+
+    /// The same points in groups of so many blocks.
+    #[inline(always)]
+    pub(crate) fn groups(self, blocks: usize) -> impl Iterator<Item = Self> {
+        self.0.chunks(blocks).map(
+            #[inline(always)]
+            |blocks| Self(blocks),
+        )
+    }
+
+    /// Squared residual of the `k`th point, pixels squared.
+    #[inline(always)]
+    pub(crate) fn squared(self, k: usize) -> f64 {
+        self.0[k / LANES].r2.0[k % LANES]
+    }
+}
+
+/// Measures blocks, and gives every point that is within `tau2` (pixels squared) its weight, the others none.
+pub(crate) fn activate_within(unit: VectorUnit, blocks: &mut [Block], projection: &Projection, tau2: f64) {
+    unit.run(Measure { blocks: &mut *blocks, projection });
+    for block in blocks {
+        for l in 0..LANES {
+            block.active.0[l] = if block.r2.0[l] <= tau2 { block.weight.0[l] } else { 0.0 };
+        }
+    }
+}
+
 /// Writes the squared residuals of a projection into the blocks.
-pub(crate) struct Measure<'a> {
-    pub(crate) blocks: &'a mut [Block],
-    pub(crate) projection: &'a Projection,
+struct Measure<'a> {
+    blocks: &'a mut [Block],
+    projection: &'a Projection,
 }
 
 impl HotLoop for Measure<'_> {
