@@ -9,11 +9,10 @@ use crate::geometry::math::{exp, sqrt, square};
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
 use crate::refine::covariance::{PoseCovariance, ShapeCovariance, covariance};
-use crate::refine::normal::State;
 use crate::refine::schedule::{MAX_STAGES, StageStatistics};
 use crate::search::ransac::RansacStatistics;
-use crate::search::score::{Scoring, cost};
-use crate::simd::blocks::Projection;
+use crate::search::score::truncated;
+use crate::simd::blocks::Measured;
 use crate::tuning::AMBIGUITY_NOISE;
 
 /// The pose and shape of one object. Everything about residuals belongs to the pose returned.
@@ -94,13 +93,13 @@ pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory
     if !state.pose.is_rigid() {
         return Err(NoPose::Degenerate);
     }
-    let inliers = store_residuals(state, threshold, memory);
+    let visible = memory.keypoints.visible;
+    let points = memory.keypoints.measure(state);
+    let inliers = store_residuals(points, visible, threshold, memory.residuals);
     if inliers.count == 0 || !(*log10_nfa <= object.options.max_log10_nfa) {
         return Err(NoPose::NoConsensus);
     }
-    let projection = Projection::new(&object.view.camera, &state.pose);
-    let blocks = memory.keypoints.of_shape(&state.coefficients);
-    let score = cost(object.unit, blocks, &projection, Scoring::Msac, square(threshold), f64::INFINITY);
+    let score = truncated(object.unit, points, square(threshold));
     let covariances = if object.options.covariance {
         let mut objective = objective(object, memory.keypoints.lend(), noise.sigma);
         Some(covariance(&mut objective, state, threshold).ok_or(NoPose::Degenerate)?)
@@ -135,15 +134,13 @@ struct Inliers {
     squares: f64,
 }
 
-/// Residuals of a state into the caller's workspace; the sums over the inliers.
-fn store_residuals(state: &State, threshold: f64, memory: &mut Memory) -> Inliers {
-    let visible = memory.keypoints.visible;
-    let points = memory.keypoints.measure(state);
+/// Residuals into the caller's workspace; the sums over the inliers.
+fn store_residuals(points: Measured, visible: &[u32], threshold: f64, residuals: &mut [f64]) -> Inliers {
     let mut inliers = Inliers::default();
     for (k, &i) in visible.iter().enumerate() {
         let r2 = points.squared(k);
         let r = sqrt(r2);
-        memory.residuals[i as usize] = r;
+        residuals[i as usize] = r;
         if r <= threshold {
             inliers.count += 1;
             inliers.squares += r2;
