@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -61,9 +60,9 @@ def estimate_poses(
             NaN: not seen. None: all weigh the same.
         options: see `Options`.
         threads: 1 or more; None: all cores. The result is the same bit for bit.
-        frame_tilt_sigma: radians, how far off the told tilt may be for the whole frame (standard
+        frame_tilt_sigma: radians, how far off the nominal tilt may be for the whole frame (standard
             deviation). The tilt is then estimated first, from all objects together, and is that of
-            the result's `view`; twice the time. None: the told tilt is the frame's.
+            the result's `view`; twice the time. None: the nominal tilt is the frame's.
 
     Returns:
         N answers, in order. An object without an answer, because of its data or because it has
@@ -91,26 +90,16 @@ def estimate_poses(
     if thresholds is not None and len(thresholds) != count:
         raise input_error("options.inlier_threshold", f"{count} numbers, one per object", len(thresholds))
     handles = [each[0]._handle] if isinstance(models, ShapeModel) and count else [m._handle for m in each]
+    sigma = None if frame_tilt_sigma is None else number("frame_tilt_sigma", frame_tilt_sigma)
     data, workers = (keypoints, scores, boxes, handles, thresholds), _threads(threads)
-    tilt_covariance = _NO_COVARIANCE.copy()
-    if frame_tilt_sigma is not None:
-        free = replace(options, tilt_sigma=math.inf, covariance=True)
-        first = _core.estimate_batch(view._handle, *data, free._handle, workers)
-        view, tilt_covariance = _frame_view(view, first, frame_tilt_sigma)
-    out = _core.estimate_batch(view._handle, *data, options._handle, workers)
+    out = _core.estimate_batch(view._handle, *data, options._handle, workers, sigma)
+    if sigma is not None:
+        view = replace(view, pitch=out.pop("pitch"), roll=out.pop("roll"))
     ok = out["status"] == 0
     for name, words in _WORDS.items():
         out[name] = words[out[name]]
     given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
-    return PoseBatch._of(given | out | {"tilt_covariance": tilt_covariance, "ok": ok})
-
-
-def _frame_view(view: View, first: dict[str, Any], sigma: float) -> tuple[View, FloatArray]:
-    """The view with the tilt that poses without a tilt prior agree on, and its covariance."""
-    if not 0.0 < number("frame_tilt_sigma", sigma) < math.inf:
-        raise input_error("frame_tilt_sigma", "a positive number of radians, or None", sigma)
-    pitch, roll, covariance, _ = _core.frame_tilt(view._handle, first["R"], first["covariance"], sigma)
-    return replace(view, pitch=pitch, roll=roll), covariance
+    return PoseBatch._of(given | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:
