@@ -32,8 +32,7 @@ use crate::tuning::AMBIGUITY_NOISE;
 ///
 /// let estimator = Estimator::new(Options { inlier_threshold: Some(4.0), ..Options::default() })?;
 /// let mut workspace = FixedWorkspace::<8>::new();
-/// // As object 5 of a batch: its draws are its own.
-/// let estimate = estimator.estimate_indexed(&view, &observation, &mut workspace, 5).expect("a pose");
+/// let estimate = estimator.estimate(&view, &observation, &mut workspace).expect("a pose");
 /// assert_eq!((estimate.solver, estimate.inlier_count), (Solver::Up2p, 8));
 /// assert!(estimate.reprojection_rmse < 1.0 && estimate.score < 0.05 && estimate.log10_nfa < -3.0);
 /// // The depth and its standard deviation, metres.

@@ -34,6 +34,9 @@ use crate::model::observation::Observation;
 /// assert!((estimate.pose.t - truth.t).norm() < 1e-3);
 /// assert_eq!(estimate.inlier_count, 7);
 /// assert!(workspace.residuals()[3] > 100.0);
+/// // As object 5 of a batch: its draws are its own.
+/// let fifth = estimator.estimate_indexed(&view, &observation, &mut workspace, 5).expect("a pose");
+/// assert!((fifth.pose.t - truth.t).norm() < 1e-3);
 ///
 /// let unseen = [[f64::NAN; 2]; 8];
 /// let nothing = estimator.estimate(&view, &Observation::new(&unseen, &model)?, &mut workspace);

@@ -191,7 +191,7 @@ impl<'a> P1p<'a> {
     }
 
     /// The same on another vector unit.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "std"))]
     pub(crate) fn on(mut self, unit: VectorUnit) -> Self {
         self.unit = unit;
         self

@@ -90,10 +90,7 @@ impl<'a> Measured<'a> {
     /// The same points in groups of so many blocks.
     #[inline(always)]
     pub(crate) fn groups(self, blocks: usize) -> impl Iterator<Item = Self> {
-        self.0.chunks(blocks).map(
-            #[inline(always)]
-            |blocks| Self(blocks),
-        )
+        self.0.chunks(blocks).map(Self)
     }
 
     /// Squared residual of the `k`th point, pixels squared.
