@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Files of the modules that `lib.rs` makes public and, for a room, of the modules that it makes public.
+/// Files of the modules that `lib.rs` makes public, of those that they make public, and so on.
 fn public_files() -> Vec<PathBuf> {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let public = |file: &Path| -> Vec<String> {
@@ -13,14 +13,13 @@ fn public_files() -> Vec<PathBuf> {
         let names = text.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';').map(str::to_owned));
         names.collect()
     };
-    let mut files = vec![];
-    for name in public(&src.join("lib.rs")) {
-        let room = src.join(&name).join("mod.rs");
-        if room.is_file() {
-            files.extend(public(&room).iter().map(|file| src.join(format!("{name}/{file}.rs"))));
-            files.push(room);
-        } else {
-            files.push(src.join(format!("{name}.rs")));
+    let (mut files, mut open) = (vec![], vec![(src.clone(), src.join("lib.rs"))]);
+    while let Some((folder, file)) = open.pop() {
+        for name in public(&file) {
+            let room = folder.join(&name);
+            let file = if room.is_dir() { room.join("mod.rs") } else { folder.join(format!("{name}.rs")) };
+            files.push(file.clone());
+            open.push((room, file));
         }
     }
     files

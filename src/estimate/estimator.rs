@@ -14,9 +14,9 @@ use crate::refine::covariance::{PoseCovariance, ShapeCovariance, covariance};
 use crate::refine::schedule::{MAX_STAGES, StageStatistics};
 use crate::search::ransac::RansacStatistics;
 use crate::search::score::{Scoring, cost};
-use crate::simd::blocks::Projection;
 use crate::simd::dispatch::VectorUnit;
 use crate::simd::lanes::LANES;
+use crate::simd::projection::Projection;
 
 /// The pose and shape of one object. Everything about residuals belongs to the pose returned.
 ///
@@ -171,7 +171,7 @@ impl Estimator {
         index: u64,
     ) -> Result<Estimate, NoPose> {
         let mut buffers = workspace.buffers(observation.keypoints_2d().len()).ok_or(NoPose::WorkspaceTooSmall)?;
-        if view.camera.distortion.is_none() {
+        if view.camera.lens.is_none() {
             return self.estimate_ideal(view, observation, buffers, index);
         }
         let pixels = core::mem::take(&mut buffers.pixels);

@@ -18,8 +18,8 @@ use crate::search::false_alarms::Consensus;
 use crate::search::noise::{Noise, NoiseModel};
 use crate::search::ransac::{Candidate, Candidates, MAX_CANDIDATES, RansacStatistics};
 use crate::search::score::{Scoring, cost};
-use crate::simd::blocks::Projection;
 use crate::simd::dispatch::VectorUnit;
+use crate::simd::projection::Projection;
 
 /// One object being estimated.
 pub(crate) struct Job<'a> {
@@ -222,11 +222,13 @@ impl<'a> Job<'a> {
     pub(crate) fn objective(&mut self, noise_sigma: f64) -> (Objective<'_>, &mut [f64]) {
         let (bbox, camera, options) = (usable_bbox(self.view, self.observation), &self.view.camera, self.options);
         let threshold = self.points.inlier_threshold;
+        let [left, top] = camera.centred([bbox.left, bbox.top]);
+        let [right, bottom] = camera.centred([bbox.right, bbox.bottom]);
         let priors = Priors {
             noise_sigma,
             tilt_sigma: options.effective_tilt_sigma().max(NARROWEST_TILT),
             shape: options.effective_shape_prior(),
-            bbox: [bbox.left - camera.cx, bbox.top - camera.cy, bbox.right - camera.cx, bbox.bottom - camera.cy],
+            bbox: [left, top, right, bottom],
             use_bbox: true,
             bbox_sigma: options.effective_bbox_sigma(threshold),
         };

@@ -69,11 +69,10 @@ impl<'a> Points<'a> {
         let visible = (0..observation.keypoints_2d().len()).filter(|&i| observation.is_visible(i));
         let highest = visible.clone().map(|i| observation.score(i)).fold(0.0, f64::max);
         for i in visible {
-            let [u, v] = observation.keypoints_2d()[i];
             let [x, y, z] = observation.model().mean()[i];
             let weight = if score_weights { observation.score(i) / highest } else { 1.0 };
             let (block, lane) = (&mut self.buffers.blocks[self.count / LANES], self.count % LANES);
-            (block.u.0[lane], block.v.0[lane]) = (u - camera.cx, v - camera.cy);
+            (block.u.0[lane], block.v.0[lane]) = camera.centred(observation.keypoints_2d()[i]).into();
             (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = (x, y, z);
             block.weight.0[lane] = weight;
             self.weight_sum += weight;

@@ -8,6 +8,7 @@ use crate::refine::normal::Normal;
 use crate::simd::blocks::Block;
 use crate::simd::dispatch::HotLoop;
 use crate::simd::lanes::{Lanes, Unit, Vector};
+use crate::simd::projection::Projected;
 
 /// What a cost is summed over.
 pub(crate) struct Summands<'a> {
@@ -18,42 +19,7 @@ pub(crate) struct Summands<'a> {
     pub(crate) kernel: Kernel,
 }
 
-/// Four points seen from a pose.
-pub(crate) struct Projected<V> {
-    /// Rotated model points.
-    pub(crate) p: [V; 3],
-    depth: V,
-    /// One over the depth, and the same times the focal lengths; zero behind the camera.
-    pub(crate) inverse: V,
-    pub(crate) a: V,
-    pub(crate) d: V,
-    /// Pixels, relative to the principal point, and residuals.
-    pub(crate) u: V,
-    pub(crate) v: V,
-    pub(crate) du: V,
-    pub(crate) dv: V,
-}
-
 impl Summands<'_> {
-    #[inline(always)]
-    fn project<U: Unit>(&self, unit: U, block: &Block) -> Projected<U::Vector> {
-        let t = &self.pose.t;
-        let p = [self.rotated(unit, block, 0), self.rotated(unit, block, 1), self.rotated(unit, block, 2)];
-        let depth = p[2] + unit.splat(t.z);
-        // A point behind the camera has no weight; its Jacobian must stay finite.
-        let inverse = (unit.splat(1.0) / depth).where_positive(depth, unit.zero());
-        let (a, d) = (inverse * self.camera.fx, inverse * self.camera.fy);
-        let (u, v) = ((p[0] + unit.splat(t.x)) * a, (p[1] + unit.splat(t.y)) * d);
-        Projected { p, depth, inverse, a, d, u, v, du: u - unit.load(block.u), dv: v - unit.load(block.v) }
-    }
-
-    /// One coordinate of the rotated model points.
-    #[inline(always)]
-    fn rotated<U: Unit>(&self, unit: U, block: &Block, i: usize) -> U::Vector {
-        let r = &self.pose.r;
-        unit.load(block.x) * r[(i, 0)] + unit.load(block.y) * r[(i, 1)] + unit.load(block.z) * r[(i, 2)]
-    }
-
     /// Calls `add` with everything that has a residual: where it is, its cost, the weights of its column and row.
     #[inline(always)]
     fn each<U: Unit>(
@@ -65,7 +31,7 @@ impl Summands<'_> {
         let (zero, infinity) = (unit.zero(), unit.splat(f64::INFINITY));
         for block in self.blocks {
             let active = unit.load(block.active);
-            let q = self.project(unit, block);
+            let q = Projected::new(unit, self.camera, self.pose, block);
             let (rho, weight) = evaluate((q.du * q.du + q.dv * q.dv).where_positive(q.depth, infinity));
             let cost = (rho * active).where_positive(active, zero);
             let w = (weight * active).where_positive(q.depth, zero);
@@ -74,7 +40,7 @@ impl Summands<'_> {
         if let Some(sides) = self.sides {
             let (column, row) = (unit.load(SPEAKS_OF_COLUMN), unit.load(SPEAKS_OF_ROW));
             let known = unit.load(sides.block.weight);
-            let q = self.project(unit, &sides.block);
+            let q = Projected::new(unit, self.camera, self.pose, &sides.block);
             let r2 = q.du * q.du * column + q.dv * q.dv * row;
             let (rho, weight) = tukey_lanes(unit, r2, sides.c2, 1.0 / sides.c2);
             let w = weight * known * sides.scale;

@@ -11,9 +11,10 @@ use crate::refine::normal_joint::LineariseJoint;
 use crate::refine::normal_pose::{Cost, Linearise, Summands};
 use crate::refine::priors::{PriorTerms, Priors};
 use crate::search::noise::{Noise, NoiseModel};
-use crate::simd::blocks::{Block, Measure, Projection};
+use crate::simd::blocks::Block;
 use crate::simd::dispatch::VectorUnit;
 use crate::simd::lanes::LANES;
+use crate::simd::projection::{Measure, Projection};
 
 /// Everything a cost is made of, besides the state and the kernel.
 pub(crate) struct Objective<'a> {

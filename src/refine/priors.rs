@@ -6,10 +6,9 @@ use crate::geometry::math::square;
 use crate::geometry::view::View;
 use crate::model::shape_model::ShapeModel;
 use crate::refine::box_extremes::Outermost;
-use crate::refine::box_sides::Sides;
+use crate::refine::box_sides::{Sides, point_jacobian};
 use crate::refine::kernels::Kernel;
 use crate::refine::normal::{Normal, State, add_row};
-use crate::simd::blocks::point_jacobian;
 use crate::simd::dispatch::VectorUnit;
 
 /// Priors of one object.

@@ -6,8 +6,9 @@ use crate::geometry::pose::Pose;
 use crate::minimal::MinimalSolver;
 use crate::search::sampler::Stream;
 use crate::search::score::{Scoring, cost, inlier_count};
-use crate::simd::blocks::{Block, Projection};
+use crate::simd::blocks::Block;
 use crate::simd::dispatch::VectorUnit;
+use crate::simd::projection::Projection;
 
 /// Hypotheses kept for refinement.
 pub(crate) const MAX_CANDIDATES: usize = 4;

@@ -7,11 +7,11 @@ use crate::geometry::camera::Camera;
 use crate::geometry::pose::Pose;
 use crate::geometry::view::{Tilt, View};
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
+use crate::refine::box_sides::point_jacobian;
 use crate::refine::kernels::Kernel;
 use crate::refine::normal::State;
 use crate::refine::objective::Objective;
 use crate::refine::priors::Priors;
-use crate::simd::blocks::point_jacobian;
 
 const POINTS: usize = 11;
 const MODES: usize = 3;
@@ -116,10 +116,7 @@ fn of_one_point() {
         let (camera, pose) = (&p.view.camera, &p.state.pose);
         let x = p.mean[0];
         let analytic = point_jacobian(camera, pose, x).unwrap();
-        let residual = |pose: &Pose, x: [f64; 3]| {
-            let [u, v] = camera.project(&pose.transform(x)).unwrap();
-            [u - camera.cx, v - camera.cy]
-        };
+        let residual = |pose: &Pose, x: [f64; 3]| camera.centred(camera.project(&pose.transform(x)).unwrap());
         for row in 0..2 {
             for k in 0..6 {
                 let at = |step| residual(&moved::<6>(&p.state, k, step).pose, x)[row];

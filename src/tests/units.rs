@@ -16,8 +16,8 @@ use crate::refine::normal::State;
 use crate::refine::priors::Priors;
 use crate::search::false_alarms::Consensus;
 use crate::search::score::{Scoring, cost, inlier_count};
-use crate::simd::blocks::Projection;
 use crate::simd::dispatch::VectorUnit;
+use crate::simd::projection::Projection;
 
 const POINTS: usize = 23;
 const MODES: usize = 3;
