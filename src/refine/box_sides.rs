@@ -6,7 +6,7 @@ use crate::geometry::camera::Camera;
 use crate::geometry::math::square;
 use crate::geometry::pose::Pose;
 use crate::refine::box_extremes::Extreme;
-use crate::refine::kernels::Kernel;
+use crate::refine::kernels::{Rho, Tukey};
 use crate::simd::blocks::Block;
 use crate::simd::lanes::{LANES, Lanes};
 
@@ -17,8 +17,8 @@ pub(crate) struct Sides {
     pub(crate) block: Block,
     /// Where the corners are in the image: of a column or a row.
     coordinates: [f64; LANES],
-    /// Scale of their Tukey kernel, pixels squared, and their weight in units of the pixel cost.
-    pub(crate) c2: f64,
+    /// Scale of their kernel, pixels squared, and their weight in units of the pixel cost.
+    c2: f64,
     pub(crate) scale: f64,
 }
 
@@ -53,9 +53,15 @@ impl Sides {
         core::array::from_fn(|side| self.coordinates[side] - self.block.u.0[side])
     }
 
+    /// How the cost of a side grows.
+    #[inline(always)]
+    pub(crate) fn kernel(&self) -> Tukey {
+        Tukey::new(self.c2)
+    }
+
     /// Their cost (pixels squared, halved).
     pub(crate) fn cost(&self) -> f64 {
-        let kernel = Kernel::Tukey { c2: self.c2 };
+        let kernel = self.kernel();
         let (residuals, known) = (self.residuals(), self.block.weight.0);
         (0..LANES).map(|side| self.scale * known[side] * kernel.evaluate(square(residuals[side])).0).sum()
     }

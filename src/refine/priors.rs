@@ -7,7 +7,7 @@ use crate::geometry::view::View;
 use crate::model::shape_model::ShapeModel;
 use crate::refine::box_extremes::Outermost;
 use crate::refine::box_sides::{Sides, point_jacobian};
-use crate::refine::kernels::Kernel;
+use crate::refine::kernels::{Kernel, Rho};
 use crate::refine::normal::{Normal, State, add_row};
 use crate::simd::dispatch::VectorUnit;
 
@@ -143,7 +143,7 @@ impl PriorTerms<'_> {
 
     /// Adds the rows of the box to the unknowns of pose and shape; its cost.
     pub(crate) fn add_sides<const D: usize>(&self, state: &State, sides: &Sides, normal: &mut Normal<D>) -> f64 {
-        let kernel = Kernel::Tukey { c2: sides.c2 };
+        let kernel = sides.kernel();
         for (side, residual) in sides.residuals().into_iter().enumerate() {
             let (corner, axis) = (sides.corner(side), side % 2);
             let weight = sides.scale * kernel.evaluate(square(residual)).1;

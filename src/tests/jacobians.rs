@@ -20,8 +20,14 @@ const JOINT: usize = 11;
 /// Rotation vector, translation and coefficients differ in size little enough for one step.
 const STEP: f64 = 1e-5;
 
-const KERNELS: [Kernel; 3] =
-    [Kernel::LeastSquares, Kernel::Tukey { c2: 900.0 }, Kernel::Student { s2: 100.0, dof: 8.0 }];
+/// Scale of the kernels, pixels squared.
+const SCALE2: f64 = 900.0;
+const TUKEY: Kernel = Kernel::Tukey { c2: SCALE2 };
+
+/// Every kernel.
+fn kernels() -> impl Iterator<Item = Kernel> {
+    Kernel::EXAMPLES.iter().map(|at| at(SCALE2))
+}
 
 /// A random object near a random pose: residuals of some ten pixels.
 struct Problem {
@@ -158,7 +164,7 @@ fn of_the_cost_by_pose() {
     for trial in 0..40 {
         let p = Problem::random(trial);
         let state = State { coefficients: [0.0; MAX_MODES], ..p.state };
-        for kernel in KERNELS {
+        for kernel in kernels() {
             p.with_objective(0, NO_PRIORS, |mut o| check_gradient::<6>(&mut o, &state, kernel));
         }
     }
@@ -168,7 +174,7 @@ fn of_the_cost_by_pose() {
 fn of_the_cost_by_pose_and_shape() {
     for trial in 0..40 {
         let p = Problem::random(trial);
-        for kernel in KERNELS {
+        for kernel in kernels() {
             p.with_objective(MODES, NO_PRIORS, |mut o| check_gradient::<JOINT>(&mut o, &p.state, kernel));
             p.with_objective(MODES, NO_PRIORS, |mut o| {
                 check_gradient::<{ 6 + MAX_MODES }>(&mut o, &p.state, kernel);
@@ -191,9 +197,9 @@ fn of_every_prior() {
                 let cost = linearised::<JOINT>(&o, &p.state, Kernel::LeastSquares).cost;
                 assert!(cost > 0.0 && (o.prior_cost(&p.state) - cost).abs() < 1e-12 * cost);
             });
-            p.with_objective(MODES, priors, |mut o| check_gradient::<JOINT>(&mut o, &p.state, KERNELS[1]));
+            p.with_objective(MODES, priors, |mut o| check_gradient::<JOINT>(&mut o, &p.state, TUKEY));
             let rigid = State { coefficients: [0.0; MAX_MODES], ..p.state };
-            p.with_objective(0, priors, |mut o| check_gradient::<6>(&mut o, &rigid, KERNELS[1]));
+            p.with_objective(0, priors, |mut o| check_gradient::<6>(&mut o, &rigid, TUKEY));
         }
     }
 }
@@ -239,7 +245,7 @@ fn check_hessian<const D: usize>(objective: &mut Objective, state: &State) {
 fn pose_by_lanes_is_the_pose_block_of_the_joint_problem() {
     for trial in 0..40 {
         let p = Problem::random(trial);
-        for kernel in KERNELS {
+        for kernel in kernels() {
             p.with_objective(MODES, p.priors()[3], |mut o| {
                 o.set_shape(&p.state.coefficients);
                 let (pose, joint) = (linearised::<6>(&o, &p.state, kernel), linearised::<JOINT>(&o, &p.state, kernel));
@@ -265,12 +271,11 @@ fn of_a_point_behind_the_camera() {
     p.state.pose = Pose { r: turned, t: Vector3::new(0.0, 0.0, 0.5) };
     let behind = p.mean.iter().filter(|&&x| p.state.pose.transform(x).z <= 0.0).count();
     assert!(behind > 0 && behind < POINTS);
-    let c2 = 900.0;
     p.with_objective(0, NO_PRIORS, |mut o| {
-        check_gradient::<6>(&mut o, &p.state, Kernel::Tukey { c2 });
-        let normal = linearised::<6>(&o, &p.state, Kernel::Tukey { c2 });
+        check_gradient::<6>(&mut o, &p.state, TUKEY);
+        let normal = linearised::<6>(&o, &p.state, TUKEY);
         assert!(normal.gradient.iter().chain(normal.h.iter().flatten()).all(|x| x.is_finite()));
-        let joint = linearised::<JOINT>(&o, &p.state, Kernel::Tukey { c2 });
+        let joint = linearised::<JOINT>(&o, &p.state, TUKEY);
         assert!((normal.cost - joint.cost).abs() < 1e-9 * joint.cost);
         assert_eq!(linearised::<6>(&o, &p.state, Kernel::LeastSquares).cost, f64::INFINITY);
     });

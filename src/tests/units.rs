@@ -48,7 +48,7 @@ fn results(unit: VectorUnit, trial: u64) -> String {
     objective.set_shape(&state.coefficients);
 
     let mut text = String::new();
-    for kernel in [Kernel::LeastSquares, Kernel::Tukey { c2: 400.0 }, Kernel::Student { s2: 100.0, dof: 8.0 }] {
+    for kernel in Kernel::EXAMPLES.iter().map(|at| at(400.0)) {
         let (pose, joint) = (linearised::<6>(&objective, &state, kernel), linearised::<11>(&objective, &state, kernel));
         text += &format!("{:?} {:?} {:?}\n", pose.h, pose.gradient, pose.cost);
         text += &format!("{:?} {:?} {:?}\n", joint.h, joint.gradient, joint.cost);

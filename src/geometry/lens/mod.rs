@@ -47,6 +47,9 @@ pub(crate) struct Distorted {
     pub(crate) jacobian: [f64; 4],
 }
 
+/// A constructor of a model; `None` for another number of coefficients than the model has.
+type FromCoefficients = fn(&[f64]) -> Option<Lens>;
+
 /// Most steps of Newton's method.
 const MAX_STEPS: usize = 30;
 /// From the centre outwards a model is invertible as long as the determinant of its Jacobian stays above this.
@@ -57,8 +60,8 @@ const SMALLEST_STEP: f64 = 1e-14;
 const LARGEST_ERROR: f64 = 1e-9;
 
 impl Lens {
-    /// Every model by name, with its constructor; `None` for another number of coefficients than the model has.
-    pub const MODELS: [(&'static str, fn(&[f64]) -> Option<Self>); 1] =
+    /// Every model by name, with its constructor: `None` for another number of coefficients than the model has.
+    pub const MODELS: [(&'static str, FromCoefficients); 1] =
         [(BrownConrady::NAME, |k| Some(Self::BrownConrady(BrownConrady::new(k.try_into().ok()?))))];
 
     fn model(&self) -> &dyn LensModel {
