@@ -162,7 +162,7 @@ impl Camera {
         [self.fx * x + self.cx, self.fy * y + self.cy]
     }
 
-    /// The line `a u + b v + c = 0` in which the image cuts the plane through the camera with this normal:
+    /// The line $`a u + b v + c = 0`$ in which the image cuts the plane through the camera with this normal:
     /// $`(a, b, c) = K^{-T} n`$.
     pub(crate) fn line_of_plane(&self, normal: &Vector3<f64>) -> [f64; 3] {
         let (a, b) = (normal.x / self.fx, normal.y / self.fy);

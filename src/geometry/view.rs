@@ -55,7 +55,7 @@ pub struct View {
     pub tilt: Tilt,
     /// Height above the ground in metres, if known.
     pub height: Option<f64>,
-    /// `R_z(roll) R_x(-pitch)` (paper, sec. 3.2, extended with roll).
+    /// $`R_z(\text{roll}) \, R_x(-\text{pitch})`$ (paper, sec. 3.2, extended with roll).
     pub r_camera_from_ground: Matrix3<f64>,
 }
 
@@ -115,7 +115,7 @@ impl View {
         Ok(self)
     }
 
-    /// Line `a u + b v + c = 0` of the horizon in pixels; without roll, `v = cy + fy tan(pitch)`.
+    /// Line $`a u + b v + c = 0`$ of the horizon in pixels; without roll, $`v = c_y + f_y \tan(\text{pitch})`$.
     #[must_use]
     pub fn horizon(&self) -> [f64; 3] {
         let camera = &self.camera;
@@ -130,8 +130,9 @@ impl View {
 
     /// Unit normal, in the ground frame, of the plane through pixel column `u`; it points right.
     ///
-    /// ```text
-    /// n = R_camera_from_ground^T [1, 0, -(u - cx) / fx] / norm
+    /// ```math
+    /// n = \frac{R^T a}{\lVert a \rVert}, \qquad a = \Bigl( 1,\; 0,\; -\frac{u - c_x}{f_x} \Bigr)^T, \qquad
+    /// R = R_{\text{camera} \leftarrow \text{ground}}
     /// ```
     ///
     /// ```
@@ -230,8 +231,9 @@ impl View {
 
     /// Ray of a pixel in the ground frame, of length one in the bird's-eye view (paper, eq. 4).
     ///
-    /// ```text
-    /// k = R_camera_from_ground^T K^-1 [u, v, 1] / norm(its x and z)
+    /// ```math
+    /// k = \frac{a}{\sqrt{a_x^2 + a_z^2}}, \qquad
+    /// a = R_{\text{camera} \leftarrow \text{ground}}^T \; K^{-1} \, (u, v, 1)^T
     /// ```
     ///
     /// ```

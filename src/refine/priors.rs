@@ -1,4 +1,8 @@
 //! What is known besides the keypoints, weighed against their noise: the ground, the class, the 2D box.
+//!
+//! With the noise $`\sigma`$ of a coordinate, a prior on $`q`$ of standard deviation $`\sigma_q`$ adds the cost
+//! $`(\sigma / \sigma_q)^2 \, \rho(q)`$: Student's t for the object's lean, $`q^2 / 2`$ for a coefficient of its shape
+//! (whose variance is the mode's eigenvalue), Tukey's biweight for a side of its box.
 
 use nalgebra::Vector3;
 
