@@ -10,6 +10,7 @@ import os
 import platform
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,13 @@ _KERNELS: dict[str, tuple[str, ...]] = {
     "Haswell": ("AVX2", "X86_V3"),
     "SkylakeX": ("AVX512_SKX", "X86_V4"),
 }
-_WHOLE_PROCESSOR = {"OPENBLAS_CORETYPE": "", "NPY_DISABLE_CPU_FEATURES": ""}
+WHOLE_PROCESSOR = {"OPENBLAS_CORETYPE": "", "NPY_DISABLE_CPU_FEATURES": ""}
 
-# Not repeated on every kernel: their subject is not numbers, and they take most of the suite's time.
+# Not repeated on every kernel: they take most of the suite's time and are not about numbers, or measure time.
 _LEFT_OUT = (
     *("bench", "bench_numbers", "cli", "cli_images", "draw", "evaluate_page", "fork_threads", "fuzz"),
     *("packaging", "readme", "stubs"),
-    # overlaps of boxes and counting, and whole experiments of parts that other tests compare
+    # overlaps of boxes and counting; whole experiments made of parts that other tests compare
     *("experiments", "kitti_average_precision"),
     # runs what is run here
     "any_machine",
@@ -56,12 +57,12 @@ def run(command: list[str], changes: dict[str, str], **more: Any) -> subprocess.
 
 def variants() -> dict[str, dict[str, str]]:
     """Variables by the name of what they choose, of all that this processor and this NumPy can do."""
-    units, kernel = vector_units_and_kernel(_WHOLE_PROCESSOR)
+    units, kernel = vector_units_and_kernel(WHOLE_PROCESSOR)
     of_x86 = kernel and platform.machine().lower() in ("x86_64", "amd64")
     able = [name for name, needs in _KERNELS.items() if of_x86 and (not needs or set(needs) & set(units))]
-    found = {name: _WHOLE_PROCESSOR | {"OPENBLAS_CORETYPE": name} for name in able}
+    found = {name: WHOLE_PROCESSOR | {"OPENBLAS_CORETYPE": name} for name in able}
     if units:
-        found["no vector units"] = _WHOLE_PROCESSOR | {"NPY_DISABLE_CPU_FEATURES": " ".join(units)}
+        found["no vector units"] = WHOLE_PROCESSOR | {"NPY_DISABLE_CPU_FEATURES": " ".join(units)}
     return found
 
 
@@ -74,17 +75,23 @@ def check_effect(name: str, changes: dict[str, str]) -> None:
         assert not units, f"NumPy still uses {units}"
 
 
+def run_tests(name: str, changes: dict[str, str]) -> bool:
+    """Whether the tests pass on a variant; prints what they say."""
+    check_effect(name, changes)
+    ignored = [f"--ignore={HERE / f'test_{left_out}.py'}" for left_out in _LEFT_OUT]
+    command = [sys.executable, "-m", "pytest", "--quiet", "-p", "no:cacheprovider", *ignored, *sys.argv[1:]]
+    told = run(command, changes, cwd=HERE.parents[1], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    print(f"NumPy on: {name}\n{told.stdout}", flush=True)
+    return told.returncode == 0
+
+
 def main() -> None:
-    """Run the tests on every variant; the exit status says whether all passed on all."""
-    left_out = [HERE / f"test_{name}.py" for name in _LEFT_OUT]
-    assert all(file.exists() for file in left_out), "a file of _LEFT_OUT is not there"
-    command = [sys.executable, "-m", "pytest", "--quiet", *(f"--ignore={file}" for file in left_out)]
-    failed = []
-    for name, changes in variants().items():
-        check_effect(name, changes)
-        print(f"NumPy on: {name}", flush=True)
-        if run([*command, *sys.argv[1:]], changes, cwd=HERE.parents[1]).returncode:
-            failed.append(name)
+    """Run the tests on every variant, one on each core; the exit status says whether all passed on all."""
+    assert all((HERE / f"test_{name}.py").exists() for name in _LEFT_OUT), "a file of _LEFT_OUT is not there"
+    chosen = variants()
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        passed = dict(zip(chosen, pool.map(run_tests, chosen, chosen.values()), strict=True))
+    failed = [name for name in chosen if not passed[name]]
     sys.exit(f"failed on: {', '.join(failed)}" if failed else 0)
 
 

@@ -11,7 +11,7 @@ import pytest
 from answers import MODEL, SOLVERS, digests
 from conftest import make_batch
 from groundpose.vehicles import shape_model
-from kernels import HERE, check_effect, run, variants
+from kernels import HERE, WHOLE_PROCESSOR, check_effect, run, variants
 
 SCENES = 300
 
@@ -56,3 +56,11 @@ def test_every_kernel_gives_the_same_bits(name: str, inputs: Path, here: dict[st
     told = run([sys.executable, str(HERE / "answers.py"), str(inputs)], changes, capture_output=True)
     assert told.returncode == 0, told.stderr
     assert json.loads(told.stdout) == here
+
+
+@pytest.mark.parametrize("name", variants())
+def test_variables_without_effect_are_noticed(name: str) -> None:
+    changes = variants()[name]
+    kernel = changes["OPENBLAS_CORETYPE"]
+    with pytest.raises(AssertionError, match=r"instead of|still uses"):
+        check_effect("another kernel" if kernel else name, changes if kernel else WHOLE_PROCESSOR)

@@ -14,7 +14,8 @@ from groundpose.vehicles import KEYPOINTS, KINDS, keypoint_indices
 INTRODUCTION = """\
 # Vehicles
 
-All vehicles are made by code (`groundpose.vehicles`): free to use, the same on every machine, in any number.
+All vehicles are made by code (`groundpose.vehicles`): free to use, in any number, and the same on every
+machine to 1e-15 m.
 `groundpose.lab.bodies.body("car", seed=7)` is a closed mesh with materials and keypoints,
 `groundpose.vehicles.shape_model("car")` the shape model that the estimator takes.
 

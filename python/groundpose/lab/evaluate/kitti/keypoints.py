@@ -167,7 +167,7 @@ def _body(label: KittiLabel, key: tuple[int, int]) -> FloatArray:
     model = shape_model(KIND_OF[label.type])
     normal = np.random.default_rng(key).standard_normal(model.modes)
     coefficients = np.clip(normal, -_MOST_DEVIATION, _MOST_DEVIATION) * np.sqrt(model.eigenvalues)
-    points = model.keypoints_3d + np.tensordot(coefficients, model.basis, axes=1)
+    points = model.keypoints(coefficients)
     # as `shaped_box`: the box grows with the extent of the keypoints
     stretch = np.ptp(model.keypoints_3d, axis=0) / np.ptp(points, axis=0)
     size = model.bbox_3d[1] - model.bbox_3d[0]

@@ -62,7 +62,7 @@ class Given:
         for k, model in enumerate(self.models):
             points = model.keypoints_3d
             if coefficients is not None and model.modes:
-                points = points + np.tensordot(coefficients[k, : model.modes], model.basis, axes=1)
+                points = model.keypoints(coefficients[k, : model.modes])
             shapes[k, : len(points)] = points
         return shapes
 
