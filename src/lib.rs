@@ -107,6 +107,7 @@ pub use estimate::workspace::{Buffers, FixedWorkspace, Workspace};
 pub use geometry::bbox::Bbox;
 pub use geometry::camera::Camera;
 pub use geometry::footprint::{Footprint, MAX_CORNERS};
+pub use geometry::lens::Lens;
 pub use geometry::pose::Pose;
 pub use geometry::view::{Tilt, View};
 pub use model::observation::Observation;

@@ -171,7 +171,7 @@ impl Protocol {
             Kind::Cube => (800.0, 640.0, 480.0),
             Kind::Vehicle => (1000.0, 1914.0, 1080.0),
         };
-        Camera { fx: f, fy: f, cx: 0.5 * width, cy: 0.5 * height, distortion: None, image_size: Some([width, height]) }
+        Camera { fx: f, fy: f, cx: 0.5 * width, cy: 0.5 * height, lens: None, image_size: Some([width, height]) }
     }
 
     /// 3D box of the object.

@@ -8,9 +8,9 @@ use std::path::Path;
 const ROOMS: [(&str, &[&str]); 11] = [
     ("error", &[]),
     ("tuning", &[]),
-    ("geometry", &["math", "bbox", "footprint", "camera", "view", "pose"]),
+    ("geometry", &["math", "bbox", "footprint", "lens", "camera", "view", "pose"]),
     ("model", &["shape_model", "observation"]),
-    ("simd", &["lanes", "avx", "dispatch", "blocks"]),
+    ("simd", &["lanes", "avx", "dispatch", "blocks", "projection"]),
     ("minimal", &["p1p", "p1p_height", "up2p", "p3p"]),
     ("search", &["score", "sampler", "ransac", "noise", "false_alarms"]),
     (
@@ -62,6 +62,12 @@ fn place(room: &str, file: &str) -> Option<Place> {
     Some((number, ROOMS[number].1.iter().position(|name| *name == file).map_or(0, |k| k + 1)))
 }
 
+/// The files of a folder in a room, which count as one.
+fn text_of(folder: &Path) -> String {
+    let files = fs::read_dir(folder).expect("a folder").map(|file| file.expect("an entry").path());
+    files.map(|file| fs::read_to_string(file).expect("text")).collect()
+}
+
 /// Every file of a room, with its path as `room::file` and its text.
 fn files() -> Vec<(String, String, String)> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -79,7 +85,8 @@ fn files() -> Vec<(String, String, String)> {
         for file in fs::read_dir(&path).expect("a room") {
             let file = file.expect("an entry").path();
             let name = file.file_stem().expect("a name").to_str().expect("ASCII").to_owned();
-            found.push((room.clone(), name, fs::read_to_string(&file).expect("text")));
+            let text = if file.is_dir() { text_of(&file) } else { fs::read_to_string(&file).expect("text") };
+            found.push((room.clone(), name, text));
         }
     }
     found

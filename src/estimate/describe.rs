@@ -12,7 +12,7 @@ use crate::refine::covariance::{PoseCovariance, ShapeCovariance, covariance};
 use crate::refine::schedule::{MAX_STAGES, StageStatistics};
 use crate::search::ransac::RansacStatistics;
 use crate::search::score::truncated;
-use crate::simd::blocks::Measured;
+use crate::simd::projection::Measured;
 use crate::tuning::AMBIGUITY_NOISE;
 
 /// The pose and shape of one object. Everything about residuals belongs to the pose returned.

@@ -122,7 +122,7 @@ impl Estimator {
         mut buffers: Buffers,
         index: u64,
     ) -> Result<Estimate, NoPose> {
-        if view.camera.distortion.is_none() {
+        if view.camera.lens.is_none() {
             return self.estimate_ideal(view, observation, buffers, index);
         }
         let pixels = core::mem::take(&mut buffers.pixels);

@@ -109,11 +109,10 @@ fn fill(
     let highest = visible.clone().map(|i| observation.score(i)).fold(0.0, f64::max);
     let (mut count, mut weight_sum) = (0, 0.0);
     for i in visible {
-        let [u, v] = observation.keypoints_2d()[i];
         let [x, y, z] = observation.model().mean()[i];
         let weight = if score_weights { observation.score(i) / highest } else { 1.0 };
         let (block, lane) = (&mut blocks[count / LANES], count % LANES);
-        (block.u.0[lane], block.v.0[lane]) = (u - view.camera.cx, v - view.camera.cy);
+        (block.u.0[lane], block.v.0[lane]) = view.camera.centred(observation.keypoints_2d()[i]).into();
         (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = (x, y, z);
         block.weight.0[lane] = weight;
         weight_sum += weight;

@@ -1,8 +1,14 @@
 //! P1P with the camera's height: for objects of whose box one side or none is known.
 //!
-//! An object on the ground has its keypoint `X` at the known height `h - (y_bottom - X_y)` below the camera
-//! (y down), so the keypoint's ray ends there: `l_C = (h - y_bottom + X_y) / k_y`. One known side of the box then
-//! gives the yaw: a corner on its plane is `p cos + q sin + (g + a l_C) = 0`, two roots per corner.
+//! An object on the ground has its keypoint $`X`$ at the known height $`h - (y_{bottom} - X_y)`$ below the camera
+//! (y down), so the keypoint's ray $`k`$ ends there. One known side of the box then gives the yaw $`\psi`$: with the
+//! offset $`d`$ from the keypoint to a corner and the normal $`n`$ of the plane through the side,
+//!
+//! ```math
+//! l_C = \frac{h - y_{bottom} + X_y}{k_y}, \qquad n^T \bigl( l_C k + R_y(\psi) d \bigr) = 0 ,
+//! ```
+//!
+//! two roots per corner.
 
 use nalgebra::Vector3;
 

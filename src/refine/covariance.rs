@@ -1,4 +1,11 @@
 //! How sure a pose is: the inverse of the normal equations over its inliers, priors included.
+//!
+//! With the Jacobians $`J_i`$ of the inliers' residuals, their weights $`w_i`$, the noise $`\sigma`$ of a coordinate and
+//! the normal matrix $`P`$ of the priors, in units of a pixel's cost,
+//!
+//! ```math
+//! \Sigma = \sigma^2 \Bigl( \sum_i w_i J_i^T J_i + P \Bigr)^{-1} .
+//! ```
 
 use nalgebra::SMatrix;
 

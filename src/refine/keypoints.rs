@@ -7,9 +7,10 @@ use crate::geometry::camera::Camera;
 use crate::geometry::math::square;
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
 use crate::refine::normal::State;
-use crate::simd::blocks::{Block, Measured, Projection, activate_within};
+use crate::simd::blocks::Block;
 use crate::simd::dispatch::VectorUnit;
 use crate::simd::lanes::LANES;
+use crate::simd::projection::{Measured, Projection, activate_within};
 
 /// The visible keypoints of one object.
 pub(crate) struct Keypoints<'a> {

@@ -2,9 +2,10 @@
 
 use crate::model::shape_model::ShapeModel;
 use crate::refine::normal::Normal;
-use crate::refine::normal_pose::{Projected, Summands};
+use crate::refine::normal_pose::Summands;
 use crate::simd::dispatch::HotLoop;
 use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
+use crate::simd::projection::Projected;
 
 /// Cost, gradient and normal equations of the pose and the coefficients of a shape.
 pub(crate) struct LineariseJoint<'a, const D: usize> {
@@ -23,7 +24,7 @@ impl<const D: usize> HotLoop for LineariseJoint<'_, D> {
         let zero = unit.zero();
         let (mut cost, mut gradient, mut h) = (zero, [zero; D], [[zero; D]; D]);
         let mut first = 0;
-        self.summands.with_kernel(
+        self.summands.each(
             unit,
             #[inline(always)]
             |q, rho, [w, _]| {

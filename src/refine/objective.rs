@@ -11,7 +11,8 @@ use crate::refine::normal_pose::{Cost, Linearise, Summands};
 use crate::refine::priors::{PriorTerms, Priors};
 use crate::search::noise::{Noise, NoiseModel};
 use crate::search::score::{Scoring, cost};
-use crate::simd::blocks::{Block, Projection};
+use crate::simd::blocks::Block;
+use crate::simd::projection::Projection;
 
 /// Everything a cost is made of, besides the state and the kernel.
 pub(crate) struct Objective<'a> {

@@ -1,4 +1,8 @@
 //! What is known besides the keypoints, weighed against their noise: the ground, the class, the 2D box.
+//!
+//! With the noise $`\sigma`$ of a coordinate, a prior on $`q`$ of standard deviation $`\sigma_q`$ adds the cost
+//! $`(\sigma / \sigma_q)^2 \, \rho(q)`$: Student's t for the object's lean, $`q^2 / 2`$ for a coefficient of its shape
+//! (whose variance is the mode's eigenvalue), Tukey's biweight for a side of its box.
 
 use nalgebra::Vector3;
 
@@ -6,10 +10,9 @@ use crate::geometry::math::square;
 use crate::geometry::view::View;
 use crate::model::shape_model::ShapeModel;
 use crate::refine::box_extremes::Outermost;
-use crate::refine::box_sides::Sides;
-use crate::refine::kernels::Kernel;
+use crate::refine::box_sides::{Sides, point_jacobian};
+use crate::refine::kernels::{Kernel, Rho};
 use crate::refine::normal::{Normal, State, add_row};
-use crate::simd::blocks::point_jacobian;
 use crate::simd::dispatch::VectorUnit;
 use crate::tuning::{BBOX_CUT, TILT_DOF};
 
@@ -139,7 +142,7 @@ impl PriorTerms<'_> {
 
     /// Adds the rows of the box to the unknowns of pose and shape; its cost.
     pub(crate) fn add_sides<const D: usize>(&self, state: &State, sides: &Sides, normal: &mut Normal<D>) -> f64 {
-        let kernel = Kernel::Tukey { c2: sides.c2 };
+        let kernel = sides.kernel();
         for (side, residual) in sides.residuals().into_iter().enumerate() {
             let (corner, axis) = (sides.corner(side), side % 2);
             let weight = sides.scale * kernel.evaluate(square(residual)).1;

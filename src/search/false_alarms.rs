@@ -1,10 +1,21 @@
 //! Whether so much agreement could be chance: a pose that chance explains as well is not an answer.
+//!
+//! By chance a keypoint is uniform in the area $`A`$; at a pose it is an inlier with probability $`p_i`$ and noise
+//! $`\sigma`$, or else by chance. $`T`$ tests of hypotheses, over which the keypoints $`i`$ that did not make the pose
+//! give evidence by their residuals $`r_i`$, find
+//!
+//! ```math
+//! \text{NFA} = \frac{T}{\sum_k w_k E(\sigma_k)}, \qquad
+//! E(\sigma) = \prod_i \Bigl( 1 - p_i + p_i \frac{A}{2 \pi \sigma^2} \, b\bigl( r_i^2 / (2 \sigma^2) \bigr) \Bigr)
+//! ```
+//!
+//! poses as good as this one; $`b(x)`$ falls as $`e^{-x}`$ with heavier tails.
 
 use crate::geometry::math::{exp, log, square};
 use crate::search::noise::{NoiseModel, bell_inverse_lanes, inlier_probability_lanes};
-use crate::simd::blocks::Measured;
 use crate::simd::dispatch::{HotLoop, VectorUnit};
 use crate::simd::lanes::{Lanes, Unit, Vector};
+use crate::simd::projection::Measured;
 use crate::tuning::{BELIEF_IN_SCORES, TESTED_NOISE};
 
 /// Largest sample of a minimal solver.

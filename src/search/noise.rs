@@ -1,9 +1,9 @@
 //! How noisy the keypoints are, from the residuals of a pose.
 
 use crate::geometry::math::{log, sqrt, square};
-use crate::simd::blocks::Measured;
 use crate::simd::dispatch::{HotLoop, VectorUnit};
 use crate::simd::lanes::{Unit, Vector};
+use crate::simd::projection::Measured;
 use crate::tuning::{
     INLIER_FRACTIONS, NOISE_FEWEST, NOISE_FITTED, NOISE_GUESS_WEIGHT, NOISE_LIMITS, NOISE_ROUNDS, NOISE_START_FRACTION,
     TUKEY_LIMITS, TUKEY_PER_EVEN,

@@ -1,8 +1,9 @@
 //! Scores of hypotheses: the loop over hypotheses x points, left as soon as a hypothesis cannot win.
 
-use crate::simd::blocks::{Block, Measured, Projection};
+use crate::simd::blocks::Block;
 use crate::simd::dispatch::{HotLoop, VectorUnit};
 use crate::simd::lanes::{Unit, Vector};
+use crate::simd::projection::{Measured, Projection};
 
 /// How a hypothesis is scored. Lower is better; both are at most the sum of the weights.
 ///

@@ -43,8 +43,7 @@ impl Fixture {
         let mut blocks = vec![Block::EMPTY; visible.len().div_ceil(LANES)];
         for (k, &i) in visible.iter().enumerate() {
             let (i, block, lane) = (i as usize, &mut blocks[k / LANES], k % LANES);
-            (block.u.0[lane], block.v.0[lane]) =
-                (keypoints_2d[i][0] - view.camera.cx, keypoints_2d[i][1] - view.camera.cy);
+            (block.u.0[lane], block.v.0[lane]) = view.camera.centred(keypoints_2d[i]).into();
             (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = model.keypoint(i, &[0.0; MAX_MODES]).into();
             (block.weight.0[lane], block.active.0[lane]) = (weight(i), weight(i));
         }

@@ -15,7 +15,7 @@ use crate::refine::normal::State;
 use crate::refine::objective::Objective;
 use crate::refine::schedule::{MAX_STAGES, Refinement, Schedule, Stage, StageKernel, refine, schedule};
 use crate::search::score;
-use crate::simd::blocks::Projection;
+use crate::simd::projection::Projection;
 
 /// Unknowns with the three modes of the reference's models, padded.
 const JOINT: usize = 11;

@@ -16,8 +16,8 @@ use crate::refine::normal::State;
 use crate::refine::priors::Priors;
 use crate::search::false_alarms::Consensus;
 use crate::search::score::{Scoring, cost, inlier_count};
-use crate::simd::blocks::Projection;
 use crate::simd::dispatch::VectorUnit;
+use crate::simd::projection::Projection;
 
 const POINTS: usize = 23;
 const MODES: usize = 3;
@@ -47,7 +47,7 @@ fn results(unit: VectorUnit, trial: u64) -> String {
     let state = State { pose, coefficients: [0.2; MAX_MODES] };
 
     let mut text = String::new();
-    for kernel in [Kernel::LeastSquares, Kernel::Tukey { c2: 400.0 }, Kernel::Student { s2: 100.0, dof: 8.0 }] {
+    for kernel in Kernel::EXAMPLES.iter().map(|at| at(400.0)) {
         let (pose, joint) =
             (linearised::<6>(&mut objective, &state, kernel), linearised::<11>(&mut objective, &state, kernel));
         text += &format!("{:?} {:?} {:?}\n", pose.h, pose.gradient, pose.cost);
