@@ -114,8 +114,7 @@ def opencv(flag: str) -> Call:
 
     def call(cv2: Any, scene: Scene, clock: Clock) -> tuple[Array, Array] | None:
         cv2.setNumThreads(1)  # as everybody here
-        c = scene.camera
-        K = np.array([[c.fx, 0.0, c.cx], [0.0, c.fy, c.cy], [0.0, 0.0, 1.0]])
+        K = scene.camera.K
         X, x = scene.keypoints_3d, scene.keypoints_2d
         try:
             limits = (MAX_ITERATIONS, scene.inlier_threshold, CONFIDENCE)

@@ -60,11 +60,8 @@ class Outcome:
 
 def inlier_mask(scenes: Scenes, R: Array, t: Array) -> Mask:
     """(T, P) keypoints within the threshold of the pose given: counted alike for every method."""
-    c = scenes.camera
     Y = scenes.keypoints_3d @ np.swapaxes(R, 1, 2) + t[:, None, :]
-    z = np.where(Y[..., 2] > 0.0, Y[..., 2], np.nan)
-    u = c.fx * Y[..., 0] / z + c.cx - scenes.keypoints_2d[..., 0]
-    v = c.fy * Y[..., 1] / z + c.cy - scenes.keypoints_2d[..., 1]
+    u, v = np.moveaxis(scenes.camera.project(Y) - scenes.keypoints_2d, -1, 0)
     return np.asarray(np.hypot(u, v) <= scenes.inlier_threshold[:, None])
 
 
