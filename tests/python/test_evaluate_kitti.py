@@ -11,13 +11,13 @@ from groundpose.formats.kitti.dataset import KittiSet
 from groundpose.formats.kitti.labels import KIND_OF, read_labels
 from groundpose.formats.kitti.results import R_from_rotation_y, bottom_of, results, rotation_y, shaped_box
 from groundpose.formats.skips import Skips
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate.kitti import run as runs
 from groundpose.lab.evaluate.kitti.bench import bench, make_folder
 from groundpose.lab.evaluate.kitti.frame import Task, evaluate
 from groundpose.lab.evaluate.kitti.keypoints import Found, Network, Simulated
 from groundpose.lab.evaluate.kitti.run import Worker, run
 from groundpose.lab.evaluate.kitti.store import Line, Store
-from groundpose.lab.evaluate.real_data import data_folder
 from groundpose.vehicles import shape_model
 from stand_in import write
 from typer.testing import CliRunner

@@ -16,8 +16,8 @@ from groundpose.formats.kitti.labels import (
     read_tracking,
 )
 from groundpose.formats.skips import PLACES_KEPT, Skips
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate.kitti.bench import make_folder
-from groundpose.lab.evaluate.real_data import data_folder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from groundpose.lab.bodies import make_models
 from groundpose.lab.bodies.catalogue import outline
-from groundpose.lab.evaluate import real_data, shape_check, shape_fit
+from groundpose.lab.data import data_folder
+from groundpose.lab.evaluate import shape_check, shape_fit
 from groundpose.vehicles import KINDS, flip_indices, keypoint_indices, keypoint_names, shape_model
 
 
@@ -80,7 +81,7 @@ def test_a_model_is_fitted_back_to_a_moved_shape() -> None:
 
 
 def test_real_cars_are_reached() -> None:
-    cars = shape_check.real_cars(real_data.data_folder())
+    cars = shape_check.real_cars(data_folder())
     if cars is None:
         pytest.skip("real car models not found: set GROUNDPOSE_DATA")
     found = shape_check.check_real(shape_model("car"), cars)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from groundpose.lab.evaluate.real_data import data_folder
+from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate.simulated import fit
 from groundpose.lab.evaluate.simulated import keypoint_noise as kn
 from groundpose.lab.evaluate.simulated.box_noise import BY_OCCLUSION, at_border, draw_boxes

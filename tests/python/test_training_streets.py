@@ -3,7 +3,7 @@
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.lab.evaluate.real_data import data_folder
+from groundpose.lab.data import data_folder
 
 pytest.importorskip("onnx", reason="onnx is not installed (extra [train])")
 from groundpose.keypoints.pipeline import Pipeline

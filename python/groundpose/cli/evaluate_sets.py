@@ -32,7 +32,7 @@ def apollo(
     data: Annotated[Path | None, typer.Option(help="Folder of apollo_cars_dev.npz instead of ROOT.")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="JSON file of the numbers.")] = None,
 ) -> None:
-    """ApolloCar3D, hand-labelled keypoints: ours beside other libraries, and ways to tell the tilt.
+    """ApolloCar3D, hand-labelled keypoints: ours beside other libraries, and ways to use the nominal tilt.
 
     [bold]Examples[/bold]
 
@@ -60,8 +60,8 @@ def tilt(
 
       groundpose evaluate tilt --data data -o tilt.json
     """
+    from groundpose.lab.data import data_folder
     from groundpose.lab.evaluate.apollo import run_tilt
-    from groundpose.lab.evaluate.real_data import data_folder
 
     with mistakes():
         _show_sets(run_tilt(data_folder(data), limit), out)

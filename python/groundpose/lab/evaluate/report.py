@@ -127,7 +127,7 @@ def headline(solver: dict[str, Any]) -> str:
             "method": f"**{line['method']}**" if line["ratio"] == 1.0 else line["method"],
             "mean rotation error, deg": accuracy[line["method"]]["mean e_r deg"],
             "failures, %": accuracy[line["method"]]["failures %"],
-            "time an object, µs": line["us an object"],
+            "time per object, µs": line["us an object"],
             "time / ours": line["ratio"],
         }
         for line in timed
@@ -156,13 +156,13 @@ def _summary(content: dict[str, Any]) -> list[str]:
                     "measure": row["measure"],
                     "what": check["what"],
                     "value": value,
-                    "bar": check["bar"],
+                    "target": check["target"],
                     "met": check["met"],
                 }
             )
             if check["shortfall"]:
                 short.append(f"- {row['measure']}: {check['shortfall']}")
-    verdict = "Not met:\n\n" + "\n".join(short) if short else "Every bar that was measured is met."
+    verdict = "Not met:\n\n" + "\n".join(short) if short else "Every target that was measured is met."
     return [f"`{content['command']}`", _made_on(content), table(lines), verdict]
 
 

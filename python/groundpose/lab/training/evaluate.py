@@ -14,7 +14,7 @@ from groundpose._checks import FloatArray
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.lab.drive import HIDDEN, VISIBLE
-from groundpose.lab.evaluate.real_data import RELATIVE_THRESHOLD
+from groundpose.lab.metrics import RELATIVE_THRESHOLD
 from groundpose.lab.training.crops import Crops, Records
 
 Detect = Callable[[ByteArray], Detections]

@@ -24,7 +24,7 @@ from groundpose.formats.kitti.labels import KIND_OF, KittiLabel, read_labels
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.image import as_rgb
 from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
-from groundpose.lab.evaluate.real_data import data_folder, rotation_about_y
+from groundpose.lab.data import data_folder, rotation_about_y
 from groundpose.lab.metrics import rotation_error_deg
 
 MIN_HEIGHT, MAX_TRUNCATION, MAX_OCCLUSION = 25.0, 0.15, 1
