@@ -1,6 +1,6 @@
 //! Time per object of the whole estimate and of its variants; the truth is asserted before anything is timed.
 //!
-//! `cargo bench --features synthetic --bench estimate`
+//! `cargo bench --bench estimate`; `cargo test --bench estimate` runs every case once.
 
 mod common;
 

@@ -1,11 +1,12 @@
 //! Counts of everything an estimate does, stage by stage, as one line of JSON a row: what `groundpose bench
 //! --instructions` reads. Every row has the stages before it too.
 //!
-//! `cargo bench --features synthetic --bench instructions` tells draws, hypotheses, steps, allocations and times.
-//! Instructions are counted from outside, one dump a row in the same order:
+//! `cargo bench --bench instructions` tells draws, hypotheses, steps, allocations and times. Without the argument
+//! `--bench`, which it gets from `cargo bench`, everything is done once: instructions are counted from outside, one dump
+//! a row in the same order:
 //!
 //! ```text
-//! valgrind --tool=callgrind --toggle-collect=instructions::measured --dump-after=instructions::measured EXE --once
+//! valgrind --tool=callgrind --toggle-collect=instructions::measured --dump-after=instructions::measured EXE
 //! ```
 
 mod common;
@@ -80,7 +81,7 @@ fn times(methods: &[Method], objects: &Objects, workspace: &mut GrowingWorkspace
 }
 
 fn main() {
-    let once = std::env::args().any(|argument| argument == "--once");
+    let is_timed = std::env::args().any(|argument| argument == "--bench");
     for (setting, methods) in TABLE {
         let methods = methods();
         with_objects(setting, |objects| {
@@ -89,7 +90,7 @@ fn main() {
                 .iter()
                 .map(|(name, work)| (assert_right(name, work, objects), Done::of(work, objects, &mut workspace)))
                 .collect();
-            if once {
+            if !is_timed {
                 methods.iter().for_each(|(_, work)| measured(work, objects, &mut workspace));
                 return;
             }

@@ -1,7 +1,7 @@
 //! Time of the stages of an estimate: every row has the stages before it too. The truth is asserted before anything
 //! is timed.
 //!
-//! `cargo bench --features synthetic --bench stages`
+//! `cargo bench --bench stages`; `cargo test --bench stages` runs every case once.
 
 mod common;
 

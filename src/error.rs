@@ -80,7 +80,8 @@ pub(crate) fn require(ok: bool, argument: &'static str, expected: &'static str, 
 pub enum NoPose {
     /// Fewer visible keypoints than a pose needs.
     TooFewKeypoints = 1,
-    /// The visible keypoints, in the image or on the model, are one point or lie on one line.
+    /// The visible keypoints, in the image or on the model, are one point or lie on one line; or the inliers leave a
+    /// direction of pose and shape free, so that the covariance asked for does not exist.
     Degenerate = 2,
     /// No sample gave a pose in front of the camera that agrees with the box.
     NoHypothesis = 3,

@@ -1,5 +1,4 @@
 //! A workspace that is large enough means no allocation at all.
-#![cfg(feature = "synthetic")]
 
 mod common;
 

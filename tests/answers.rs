@@ -2,7 +2,6 @@
 //!
 //! The same bits are promised for every vector unit and platform, so the constants hold everywhere. A change that is
 //! meant to change numbers says so and replaces the constants by those that the failing test prints.
-#![cfg(feature = "synthetic")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! A class of short and long vehicles: the 3D box that follows the shape fits both, that of the mean neither.
-#![cfg(feature = "synthetic")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! The same bits for any number of threads, any kind of workspace, and whatever was estimated before.
-#![cfg(all(feature = "synthetic", feature = "rayon"))]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! Every mistake a caller can make gets a text that names it, and every reason for no pose has its data.
-#![cfg(feature = "synthetic")]
 
 mod common;
 
@@ -9,7 +8,7 @@ use common::{Case, Random};
 use groundpose::synthetic::{Kind, Protocol};
 use groundpose::{
     Bbox, Camera, Estimator, FixedWorkspace, Footprint, InputError, MAX_CORNERS, MAX_MODES, NoPose, Observation,
-    Options, ShapeModel, Solver, Tilt, View,
+    Options, Refinement, ShapeModel, Solver, Tilt, View,
 };
 
 const NAN: f64 = f64::NAN;
@@ -228,6 +227,25 @@ fn every_reason_for_no_pose_is_reached() {
     let rest: Vec<&str> = NoPose::NAMES.into_iter().filter(|name| !reached.contains(name)).collect();
     assert_eq!(rest, ["ok", "invalid_input"]);
     assert_eq!(NoPose::InvalidInput.to_string(), "invalid_input");
+}
+
+/// What is refused is the covariance that was asked for, not the pose.
+#[test]
+fn a_shape_that_the_inliers_leave_free_has_a_pose_and_no_covariance() {
+    let (mut case, mut random) = (good(), Random(5));
+    let mode: Vec<_> = case.keypoints_3d.iter().map(|_| random.point([[-0.05; 3], [0.05; 3]])).collect();
+    // Two modes that are one: their difference can be anything.
+    case.basis = [mode.clone(), mode].concat();
+    case.eigenvalues = vec![1.0; 2];
+    let hre = Options { refinement: Refinement::Hre, ..Options::default() };
+    assert_eq!(case.estimate(hre).unwrap_err(), NoPose::Degenerate);
+    let (unsure, _) = case.estimate(Options { covariance: false, ..hre }).expect("a pose");
+    let (sure, _) = case.estimate(Options { shape_prior: Some(true), ..hre }).expect("a pose");
+    assert!(sure.covariance.is_some());
+    for estimate in [unsure, sure] {
+        let (t, truth) = (estimate.pose.t, case.truth.t);
+        assert!((t - truth).norm() < 0.05 * truth.norm(), "{t} {truth}");
+    }
 }
 
 fn line<const N: usize>(points: &mut [[f64; N]]) {

@@ -1,5 +1,4 @@
 //! The examples run and say what is true.
-#![cfg(feature = "synthetic")]
 
 mod alone;
 #[path = "../examples/rust_batch/main.rs"]

@@ -1,5 +1,4 @@
 //! What the minimal solvers promise on exact data.
-#![cfg(feature = "synthetic")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! What must change, and how, when the input changes in a known way.
-#![cfg(feature = "synthetic")]
 
 mod common;
 

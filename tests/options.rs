@@ -1,5 +1,4 @@
 //! No option is ignored: every field, changed alone, changes some answer.
-#![cfg(feature = "synthetic")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! What holds of every answer, whatever goes in. `PROPTEST_CASES=1000000` for a longer run.
-#![cfg(feature = "synthetic")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! A box with a wrong side: the search by one keypoint believes it, the second try does not.
-#![cfg(feature = "synthetic")]
 
 mod common;
 

@@ -46,12 +46,19 @@ pub const CUBE_50: Setting = Setting::cube("cube 50 %", 0.5, Outliers::Image);
 pub const CUBE_90: Setting = Setting::cube("cube 90 % image", 0.9, Outliers::Image);
 pub const CUBE_90_BOX: Setting = Setting::cube("cube 90 % box", 0.9, Outliers::Box);
 
-/// Standard deviation of a mode's coordinates, metres.
+/// Most that a mode moves a coordinate, metres.
 const MODE_SIZE: f64 = 0.05;
 
-/// Repeatable numbers between -1 and 1: a golden-ratio sequence is as good as random for a basis.
+/// Repeatable numbers between -1 and 1 (SplitMix64), as random as modes must be: independent. Where the inliers leave a
+/// combination of modes free and no shape prior holds it, an estimate has no covariance and is refused as degenerate.
+/// With modes that depend on each other (a golden-ratio sequence) HRE, which has no prior, found the pose of every
+/// vehicle with ten modes and yet answered for one in three. Independent modes leave only objects with fewer than eight
+/// inliers, which cannot determine six numbers of a pose and ten of a shape.
 fn spread(k: usize) -> f64 {
-    2.0 * (k as f64 * 0.618_033_988_749_895).fract() - 1.0
+    let mut z = (k as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    (z ^ (z >> 31)) as f64 / 2.0_f64.powi(63) - 1.0
 }
 
 /// Objects, made and checked once.
@@ -67,7 +74,7 @@ pub fn with_objects<R>(setting: &Setting, f: impl FnOnce(&Objects) -> R) -> R {
     let scenes: Vec<Scene> = (0..setting.objects).map(|trial| protocol.scene(0, trial)).collect();
     let most = scenes.iter().map(|s| s.keypoints_3d.len()).max().unwrap_or(0);
     let basis: Vec<[f64; 3]> =
-        (0..setting.modes * most).map(|k| [1, 2, 3].map(|axis| MODE_SIZE * spread(7 * k + axis))).collect();
+        (0..setting.modes * most).map(|k| [1, 2, 3].map(|axis| MODE_SIZE * spread(3 * k + axis))).collect();
     let eigenvalues = vec![1.0; setting.modes];
     let models: Vec<ShapeModel> = scenes
         .iter()
@@ -121,8 +128,9 @@ impl Work {
         }
     }
 
-    /// Median over the objects of the relative error of the translation (P1P: of its best hypothesis).
-    pub fn median_error(&self, objects: &Objects) -> f64 {
+    /// Relative error of the translation (P1P: of its best hypothesis) of every object, in rising order; infinite where
+    /// there is no answer.
+    fn errors(&self, objects: &Objects) -> Vec<f64> {
         let mut workspace = GrowingWorkspace::new();
         let error = |index: usize| {
             let truth = objects.scenes[index].pose.t;
@@ -138,7 +146,7 @@ impl Work {
         };
         let mut errors: Vec<f64> = objects.indices().map(error).collect();
         errors.sort_by(f64::total_cmp);
-        errors[errors.len() / 2]
+        errors
     }
 }
 
@@ -198,9 +206,14 @@ pub fn named(methods: Vec<Method>, name: &str) -> Work {
     methods.into_iter().find(|m| m.0 == name).expect("a method").1
 }
 
-/// Work that has to be right before it is timed. One draw alone need not be.
+/// Work has to answer, and rightly, before it is timed; the median error. One draw alone need not be right.
 pub fn assert_right(name: &str, work: &Work, objects: &Objects) -> f64 {
-    let error = work.median_error(objects);
-    assert!(error < 0.05 || name.ends_with("one draw"), "{name}: median translation error {error}");
-    error
+    let errors = work.errors(objects);
+    let (count, answered) = (errors.len(), errors.iter().filter(|error| error.is_finite()).count());
+    let median = errors[count / 2];
+    if !name.ends_with("one draw") {
+        assert!(answered * 10 >= count * 9, "{name}: {answered} of {count} objects have an answer");
+        assert!(median < 0.05, "{name}: median translation error {median}");
+    }
+    median
 }

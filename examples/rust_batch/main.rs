@@ -1,5 +1,4 @@
-//! Many vehicles on all cores, with a status for each:
-//! `cargo run --release --features synthetic --example rust_batch`.
+//! Many vehicles on all cores, with a status for each: `cargo run --release --example rust_batch`.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};

@@ -214,7 +214,9 @@ class Options(Value):
         bbox_sigma: pixels, standard deviation of the 2D box's sides about the projected 3D box;
             infinite: the box only makes hypotheses; None: by the inlier threshold in the default
             refinement, infinite in the paper's.
-        covariance: whether covariances are computed.
+        covariance: whether covariances are computed. A pose whose inliers leave a direction of it or of
+            its shape free has none and is then refused as `degenerate`: without priors, a pose and M
+            modes take at least (6 + M) / 2 inliers.
         max_iterations: most samples drawn for one object.
         min_keypoints: fewest visible keypoints an object must have.
         max_log10_nfa: refuse a pose when this many (log10) as good are to be expected among random

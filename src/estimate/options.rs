@@ -96,7 +96,8 @@ pub struct Options {
     /// Standard deviation, pixels, of the sides of the 2D box against the projected 3D box; infinite: the box only
     /// makes hypotheses. `None`: 2 times the inlier threshold in the default refinement and infinite in the paper's.
     pub bbox_sigma: Option<f64>,
-    /// Whether to compute the covariance.
+    /// Whether to compute the covariance. A pose whose inliers leave a direction of it or of its shape free has none and
+    /// is then refused as degenerate: without priors, a pose and M modes take at least (6 + M) / 2 inliers.
     pub covariance: bool,
     /// Most samples drawn.
     pub max_iterations: usize,

@@ -74,9 +74,9 @@ def instructions(effort: Effort, tell: Tell) -> dict[str, Any]:
     """Instructions of every stage, counted by valgrind; draws, steps, allocations and times beside them."""
     valgrind = _tool("valgrind")
     tell("building benches/instructions.rs")
-    bench = cargo(["bench", "--no-run", "--features", "synthetic", "--bench", BENCH.stem])
+    bench = cargo(["bench", "--no-run", "--bench", BENCH.stem])
     tell("running it")
-    told = subprocess.run([bench], capture_output=True, text=True, check=False)
+    told = subprocess.run([bench, "--bench"], capture_output=True, text=True, check=False)
     if told.returncode != 0:  # it asserts the truth first
         raise WrongAnswer(f"{bench.name}: {told.stderr.strip()[:500]}")
     rows = [json.loads(line) for line in told.stdout.splitlines()]
@@ -84,7 +84,7 @@ def instructions(effort: Effort, tell: Tell) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "callgrind"
         options = ["--tool=callgrind", f"--callgrind-out-file={out}", f"--toggle-collect={MEASURED}"]
-        command = [valgrind, *options, f"--dump-after={MEASURED}", str(bench), "--once"]
+        command = [valgrind, *options, f"--dump-after={MEASURED}", str(bench)]
         subprocess.run(command, capture_output=True, check=True)
         counts = [total(out.with_name(f"{out.name}.{k + 1}").read_text()) for k in range(len(rows))]
     return {
