@@ -1,4 +1,4 @@
-//! Time per object of the whole estimate and of its variants; the truth is asserted before anything is timed.
+//! Time per object of the whole estimate and of its variants. The answers are compared with the truth before timing.
 //!
 //! `cargo bench --bench estimate`; `cargo test --bench estimate` runs every case once.
 

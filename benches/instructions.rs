@@ -1,9 +1,9 @@
-//! Counts of everything an estimate does, stage by stage, as one line of JSON a row: what `groundpose bench
-//! --instructions` reads. Every row has the stages before it too.
+//! Counts of the work of an estimate by stage, one line of JSON per row, read by `groundpose bench --instructions`.
+//! Every row includes the stages before it.
 //!
-//! `cargo bench --bench instructions` tells draws, hypotheses, steps, allocations and times. Without the argument
-//! `--bench`, which it gets from `cargo bench`, everything is done once: instructions are counted from outside, one dump
-//! a row in the same order:
+//! `cargo bench --bench instructions` prints draws, hypotheses, steps, allocations and times. `cargo bench` passes the
+//! argument `--bench`; without it every row runs once, so that instructions can be counted from outside, one dump per
+//! row in the same order:
 //!
 //! ```text
 //! valgrind --tool=callgrind --toggle-collect=instructions::measured --dump-after=instructions::measured EXE
@@ -21,7 +21,7 @@ use groundpose::GrowingWorkspace;
 /// Timed passes over all objects; the median counts.
 const PASSES: usize = 31;
 
-/// Which work on which objects.
+/// Sets of objects, and the methods that are run on each.
 const TABLE: [(&Setting, Methods); 6] = [
     (&VEHICLE, stages),
     (&VEHICLE_5, stages),
@@ -31,7 +31,7 @@ const TABLE: [(&Setting, Methods); 6] = [
     (&CUBE_90, whole),
 ];
 
-/// All objects once. Its name is what the profiler looks for: neither inlined nor given arguments of its own.
+/// Works on all objects once. The profiler finds it by its name, so it is not inlined and has no generic arguments.
 #[inline(never)]
 fn measured(work: &Work, objects: &Objects, workspace: &mut GrowingWorkspace) {
     for index in objects.indices() {
@@ -39,7 +39,7 @@ fn measured(work: &Work, objects: &Objects, workspace: &mut GrowingWorkspace) {
     }
 }
 
-/// What the search and the refinement did, summed over the objects.
+/// Counts of the search and the refinement, summed over the objects.
 #[derive(Default)]
 struct Done {
     keypoints: usize,
@@ -63,7 +63,7 @@ impl Done {
     }
 }
 
-/// Median seconds of a pass of every method, in turns.
+/// Median seconds of a pass of every method; the methods are timed alternately.
 fn times(methods: &[Method], objects: &Objects, workspace: &mut GrowingWorkspace) -> Vec<f64> {
     let mut seconds = vec![vec![]; methods.len()];
     for _ in 0..PASSES {

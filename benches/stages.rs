@@ -1,5 +1,5 @@
-//! Time of the stages of an estimate: every row has the stages before it too. The truth is asserted before anything
-//! is timed.
+//! Time of the stages of an estimate; every row includes the stages before it. The answers are compared with the
+//! truth before timing.
 //!
 //! `cargo bench --bench stages`; `cargo test --bench stages` runs every case once.
 

@@ -1,4 +1,4 @@
-//! Where the parts of a program without an operating system lie in memory.
+//! Memory layout of a program without an operating system.
 
 fn main() {
     println!("cargo:rerun-if-changed=boot");

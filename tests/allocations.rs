@@ -1,4 +1,4 @@
-//! A workspace that is large enough means no allocation at all.
+//! With a workspace that is large enough, an estimate allocates nothing.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! The bits of ten thousand answers: a change that is meant to change no number changes none of them.
+//! Hashes of the bits of ten thousand answers, to detect changes of any number.
 //!
 //! The same bits are promised for every vector unit and platform, so the constants hold everywhere. A change that is
 //! meant to change numbers says so and replaces the constants by those that the failing test prints.
@@ -65,7 +65,7 @@ fn cube(trial: u64, random: &mut Random) -> Case {
     scene(&protocol, trial)
 }
 
-/// Some of its keypoints are not seen.
+/// Some of its keypoints are missing.
 fn vehicle(trial: u64, random: &mut Random) -> Case {
     let mut case = scene(&Protocol { kind: Kind::Vehicle, ..Protocol::default() }, trial);
     for pixel in &mut case.keypoints_2d {
@@ -108,7 +108,7 @@ fn shaped_box(trial: u64, random: &mut Random) -> Case {
     case
 }
 
-/// One side of the box, or two, are not known.
+/// One or two sides of the box are unknown.
 fn cut(trial: u64, random: &mut Random) -> Case {
     let mut case = vehicle(trial, random);
     for _ in 0..1 + trial % 2 {
@@ -132,7 +132,7 @@ fn tilted(_: u64, random: &mut Random) -> Case {
     case
 }
 
-/// Keypoints and box as a lens that distorts shows them.
+/// Keypoints and box seen through a lens with distortion.
 fn behind_a_lens(trial: u64, random: &mut Random) -> Case {
     let mut case = tilted(trial, random);
     let coefficients = [-0.1, 0.02, 1e-3, -1e-3, -2e-3].map(|k| k * random.between(0.0, 1.0));
@@ -147,7 +147,7 @@ fn behind_a_lens(trial: u64, random: &mut Random) -> Case {
     case
 }
 
-/// The camera's height is known, often a little wrong, and one side of the box is not known.
+/// The camera's height is known with a small error, and one side of the box is unknown.
 fn of_known_height(trial: u64, random: &mut Random) -> Case {
     let mut case = vehicle(trial, random);
     let tilt = Tilt { pitch: random.between(-0.02, 0.02), roll: random.between(-0.02, 0.02) };
@@ -167,7 +167,7 @@ impl Hash {
         }
     }
 
-    /// Platforms differ in the bits of NaN; in nothing else.
+    /// Platforms differ only in the bits of NaN.
     fn numbers<'a>(&mut self, numbers: impl IntoIterator<Item = &'a f64>) {
         for x in numbers {
             let bits = if x.is_nan() { u64::MAX } else { x.to_bits() };

@@ -1,4 +1,4 @@
-//! A class of short and long vehicles: the 3D box that follows the shape fits both, that of the mean neither.
+//! In a class of short and long vehicles a 3D box that follows the shape fits all, that of the mean shape none.
 
 mod common;
 
@@ -10,7 +10,7 @@ use groundpose::synthetic::projected_bbox;
 const SPREAD: f64 = 1.5;
 const MEAN_HALF_LENGTH: f64 = 4.0;
 
-/// A vehicle whose keypoints and box are stretched along its length; exact pixels, the class told with one mode.
+/// A vehicle whose keypoints and box are stretched along its length; exact pixels; the model has one mode.
 fn stretched(k: u64) -> Case {
     let mut random = Random(k);
     let mut case = loop {

@@ -1,4 +1,4 @@
-//! The same bits for any number of threads, any kind of workspace, and whatever was estimated before.
+//! The bits of an answer do not depend on the number of threads, the kind of workspace or earlier estimates.
 
 mod common;
 

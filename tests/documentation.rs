@@ -1,5 +1,5 @@
-//! Every public item has an example: types, traits, functions and constants of their own, what belongs to a type at
-//! least in an example of its file.
+//! Every public item has an example: types, traits, functions and constants their own, members of a type at least
+//! one in their file.
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -1,4 +1,4 @@
-//! Every mistake a caller can make gets a text that names it, and every reason for no pose has its data.
+//! Every mistake of a caller gives a text that names it, and every reason for no pose occurs with some data.
 
 mod common;
 
@@ -23,7 +23,7 @@ fn view() -> View {
     View::new(camera(), Tilt::default()).unwrap()
 }
 
-/// Runs a table of mistakes: what was done, and the argument to be named.
+/// Runs a table of mistakes: the result, and the argument that the text must name.
 #[track_caller]
 fn assert_named<const N: usize>(rows: [(Result<(), InputError>, &str, &str); N]) {
     for (result, argument, got) in rows {
@@ -98,7 +98,7 @@ fn objects() {
     ]);
 }
 
-/// Five corners of which each turns the same way, but twice round.
+/// Five corners that all turn the same way but go round twice.
 #[test]
 fn an_outline_that_winds_twice_is_not_convex() {
     let corner = |k: u32| {
@@ -171,7 +171,7 @@ fn protocols() {
     ]);
 }
 
-/// A good object of 24 keypoints, before something is taken away from it.
+/// A valid object of 24 keypoints, before a row of the table changes it.
 fn good() -> Case {
     let protocol = Protocol { kind: Kind::Vehicle, ..Protocol::default() };
     let scene = (0..).map(|k| protocol.scene(0, k)).find(|s| s.keypoints_2d.len() == 24).unwrap();

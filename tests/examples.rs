@@ -1,4 +1,4 @@
-//! The examples run and say what is true.
+//! The examples run and print correct results.
 
 mod alone;
 #[path = "../examples/rust_batch/main.rs"]
@@ -6,7 +6,7 @@ mod rust_batch;
 
 use std::process::Command;
 
-/// Words of a line as numbers; words that are none are left out.
+/// The words of a line that are numbers.
 fn numbers(line: &str) -> Vec<f64> {
     line.split_whitespace().filter_map(|word| word.parse().ok()).collect()
 }

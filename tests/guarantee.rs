@@ -1,4 +1,4 @@
-//! What the minimal solvers promise on exact data.
+//! Guarantees of the minimal solvers on exact data.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! What must change, and how, when the input changes in a known way.
+//! Known changes of the input must change the answers in known ways.
 
 mod common;
 
@@ -7,7 +7,7 @@ use groundpose::synthetic::{Kind, Outliers, Protocol};
 use groundpose::{Camera, Estimate, Options, Pose, Refinement, Solver, Tilt, View};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// Objects of both kinds, half of them with scores, some with shape.
+/// Vehicles and cubes, half of them with scores, some with shape.
 fn cases() -> Vec<Case> {
     let mut cases = vec![];
     for trial in 0..30 {
@@ -33,7 +33,7 @@ fn cases() -> Vec<Case> {
 /// Refinements whose answers are compared.
 const REFINEMENTS: [Refinement; 3] = [Refinement::Default, Refinement::Hre, Refinement::None];
 
-/// Where another path leads to the same minimum the fit stops a little before it: far below the noise.
+/// The fit stops a little before the minimum, at a point that depends on its path: far below the noise.
 const STOPPING: f64 = 1e-3;
 
 /// Runs every object before and after `change` and compares with what `expect` makes of the first answer.
@@ -86,7 +86,7 @@ fn mirror() {
     check(STOPPING, change, |_, e| Pose { r: flip * e.pose.r * flip, t: flip * e.pose.t });
 }
 
-/// Scores order the draws, so with scores that differ the order of the keypoints says nothing.
+/// Scores order the draws, so with distinct scores the order of the keypoints has no effect.
 #[test]
 fn permutation() {
     let order = |count: usize| (0..count).map(move |i| (7 * i + 3) % count);
@@ -131,7 +131,7 @@ fn scale_of_the_pixels() {
     check(1e-6, |case| with_larger_pixels(case, 1.7), |_, e| e.pose);
 }
 
-/// A power of two rounds nothing: the answer is the same, bit for bit.
+/// A power of two causes no rounding: the answer is the same, bit for bit.
 #[test]
 fn doubled_pixels() {
     check(0.0, |case| with_larger_pixels(case, 2.0), |_, e| e.pose);
@@ -162,7 +162,7 @@ fn scale_of_the_world() {
     check(1e-6, |case| with_larger_world(case, 3.1), |_, e| Pose { r: e.pose.r, t: 3.1 * e.pose.t });
 }
 
-/// A power of two rounds nothing.
+/// A power of two causes no rounding.
 #[test]
 fn doubled_world() {
     check(0.0, |case| with_larger_world(case, 2.0), |_, e| Pose { r: e.pose.r, t: 2.0 * e.pose.t });
@@ -212,11 +212,11 @@ fn turned_about_the_optical_axis() {
     }
 }
 
-/// Pixels of a distorting lens, told of its distortion, are pixels of an ideal lens.
+/// Distorted pixels with a camera that has this distortion give the answer of ideal pixels.
 #[test]
 fn distortion() {
     for mut case in cases() {
-        // The sides of a distorted box are known to their middles only.
+        // The sides of a distorted box are exact only at their middles.
         case.bbox = None;
         case.inlier_threshold = Some(6.0);
         let camera = case.view.camera.with_distortion([-0.2, 0.05, 1e-3, -1e-3, 0.01]).unwrap();
@@ -236,8 +236,8 @@ fn distortion() {
     }
 }
 
-/// One object, the ground and the camera's place fixed: however the camera is tilted, an exact object is found, with
-/// the yaw it has.
+/// With the object, the ground and the camera's place fixed, an exact object is found with its yaw for any tilt of
+/// the camera.
 #[test]
 fn change_of_the_tilt() {
     let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0).unwrap();

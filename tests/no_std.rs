@@ -11,18 +11,18 @@ mod alone;
 #[path = "../probe/src/scene.rs"]
 mod scene;
 
-/// In the order in which the probe prints.
+/// Solvers in the order in which the probe prints them.
 const SOLVERS: [Solver; 3] = [Solver::P1p, Solver::P3p, Solver::Up2p];
 
-/// Parts of names that only a program with std or an allocator holds.
+/// Parts of names that occur only in a program with std or an allocator.
 const NAMES_OF_STD: [&str; 2] = ["3std", "__rust_alloc"];
 
 /// The panics that a whole estimate may link: an index or a slice out of range, a sort whose order contradicts itself,
 /// and fixed messages of core and nalgebra (a copy between lengths that differ, bounds of a clamp the wrong way round).
-/// No `unwrap`, no `expect`, no division by zero, no text made at run time. All would be bugs of this crate; none is
-/// the answer to data.
+/// No `unwrap`, no `expect`, no division by zero, no text formatted at run time. Each would be a bug of this crate;
+/// no input may cause one.
 const PANICS: [&str; 4] = ["panic_bounds_check", "slice_index_fail", "panic_fmt", "panic_on_ord_violation"];
-/// Parts of the names of what core links for a panic.
+/// Parts of the names of the functions that core links for a panic.
 const NAMES_OF_PANICS: [&str; 5] = ["panic", "_fail", "unwrap", "expect", "4core3fmt"];
 
 /// Stack of an estimate, bytes, with its workspace for 16 keypoints and its tables: 22 kB where it was measured.
@@ -56,7 +56,7 @@ fn holds(program: &Path, name: &str) -> bool {
     bytes.windows(name.len()).any(|window| window == name.as_bytes())
 }
 
-/// What a program with std gives.
+/// The numbers of a program with std.
 fn expected() -> Vec<u64> {
     let mut workspace = FixedWorkspace::<16>::new();
     let of_solver = |solver| {

@@ -1,4 +1,4 @@
-//! No option is ignored: every field, changed alone, changes some answer.
+//! No option is ignored: a change of any single field changes some answer.
 
 mod common;
 
@@ -7,7 +7,7 @@ use groundpose::minimal::p1p::Cases;
 use groundpose::synthetic::{Kind, Outliers, Protocol};
 use groundpose::{Options, Refinement, Scoring, Solver};
 
-/// Objects with scores and shape, and few enough inliers that chance matters.
+/// Objects with scores and shape, with so few inliers that the test against false alarms matters.
 fn cases() -> Vec<Case> {
     let case = |trial: u64| {
         let protocol = Protocol { kind: Kind::Vehicle, outliers: Outliers::Box, ..Protocol::default() };
@@ -79,7 +79,7 @@ fn every_option_has_an_effect() {
     }
 }
 
-/// Infinite is the paper's six degrees of freedom, zero an upright object.
+/// Infinite: the paper's six degrees of freedom; zero: an upright object.
 #[test]
 fn tilt_sigma_goes_from_free_to_upright() {
     for case in cases() {
@@ -93,7 +93,7 @@ fn tilt_sigma_goes_from_free_to_upright() {
     }
 }
 
-/// `None` stands for a value that can be written down.
+/// `None` has the same effect as the value that it stands for.
 #[test]
 fn what_none_stands_for() {
     let default = Options::default();

@@ -1,11 +1,11 @@
-//! What `cargo publish` would send: the sources of the crate and nothing that lies beside them.
+//! `cargo publish` would send the sources of the crate and nothing else.
 
 use std::path::Path;
 use std::process::Command;
 
 /// Folders of the crate.
 const FOLDERS: [&str; 3] = ["src/", "benches/", "examples/rust_batch/"];
-/// Files beside them; the last two are cargo's.
+/// Files beside the folders; cargo makes the last two.
 const FILES: [&str; 8] = [
     "CHANGELOG.md",
     "Cargo.lock",

@@ -1,4 +1,4 @@
-//! What holds of every answer, whatever goes in. `PROPTEST_CASES=1000000` for a longer run.
+//! Properties of every answer to any input. `PROPTEST_CASES=1000000` for a longer run.
 
 mod common;
 
@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-/// The same cases every time; other ones, and as many as wanted, when the environment gives their number.
+/// The same cases in every run; with `PROPTEST_CASES` other ones, as many as it says.
 fn cases(default: u32) -> ProptestConfig {
     let mut config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
     if std::env::var_os("PROPTEST_CASES").is_none() {
@@ -23,7 +23,7 @@ fn cases(default: u32) -> ProptestConfig {
     config
 }
 
-/// Everything an answer promises; a text says what is broken.
+/// Checks every property of an answer; the text names the one that fails.
 fn broken_promise(case: &Case, options: &Options, e: &Estimate, residuals: &[f64]) -> Option<String> {
     let mut broken = vec![];
     let mut promise = |kept: bool, what: &str| {
@@ -103,12 +103,12 @@ fn check(case: &Case, options: Options) -> Result<(), TestCaseError> {
     }
 }
 
-/// One of a few.
+/// One of a list.
 fn pick<T: Copy>(random: &mut Random, of: &[T]) -> T {
     of[random.next() as usize % of.len()]
 }
 
-/// A number that somebody might pass by mistake, or an ordinary one.
+/// An ordinary number or one passed by mistake.
 fn odd_number(random: &mut Random, low: f64, high: f64) -> f64 {
     match random.next() % 16 {
         0 => f64::NAN,
@@ -188,7 +188,7 @@ fn odd_view(random: &mut Random) -> Result<View, InputError> {
     if random.next().is_multiple_of(2) { view.with_height(odd_number(random, 0.5, 8.0)) } else { Ok(view) }
 }
 
-/// An object put together at random; every other one is a real scene with some of its numbers exchanged.
+/// A random object; every other one is a valid scene with some of its numbers replaced.
 fn odd_case(random: &mut Random, size: usize) -> Result<Case, InputError> {
     let view = odd_view(random)?;
     let mut case = if random.next().is_multiple_of(2) {
@@ -240,10 +240,10 @@ fn odd_case(random: &mut Random, size: usize) -> Result<Case, InputError> {
 }
 
 proptest! {
-    // Half of them pass the checks of the input and reach the solver.
+    // Half of the cases pass the checks of the input and reach the solver.
     #![proptest_config(cases(200_000))]
 
-    /// Finite and consistent, or a reason why not; never a panic.
+    /// A finite and consistent answer or a reason for none; never a panic.
     #[test]
     fn garbage_gets_an_error_a_reason_or_a_consistent_answer(seed: u64, size in 0_usize..40) {
         let mut random = Random(seed);
@@ -277,7 +277,7 @@ proptest! {
     }
 }
 
-/// Keypoints anywhere in the box say nothing: what is left to chance is an answer for one object in a hundred.
+/// Random keypoints in the box hold no information: at most one object in a hundred may get an answer.
 #[test]
 fn random_keypoints_are_refused() {
     const OBJECTS: u64 = 1000;

@@ -1,5 +1,5 @@
-//! The core against values of an independent NumPy implementation: `tests/reference/values.json`, whose schema
-//! stands at the top of `tests/reference/make_values.py`. Its refinement part is tested inside the crate.
+//! Comparison of the core with values of an independent NumPy implementation, `tests/reference/values.json`. The top
+//! of `tests/reference/make_values.py` describes their schema. The refinement part is tested inside the crate.
 
 use groundpose::minimal::MinimalSolver;
 use groundpose::minimal::p1p::{Cases, P1p};

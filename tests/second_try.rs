@@ -1,4 +1,4 @@
-//! A box with a wrong side: the search by one keypoint believes it, the second try does not.
+//! A 2D box with a wrong side misleads the search by one keypoint; the second search does not use the box.
 
 mod common;
 
@@ -8,7 +8,7 @@ use groundpose::{Options, Refinement, Solver};
 
 const OBJECTS: u64 = 300;
 
-/// Vehicles of which something hides the left third: no keypoints there, and the box ends too early.
+/// Vehicles whose left third is hidden: it has no keypoints, and the box ends too early.
 fn half_hidden(k: u64) -> Case {
     let protocol = Protocol { kind: Kind::Vehicle, ..Protocol::default() };
     let mut case = Case::of(&protocol, &protocol.scene(11, k));
@@ -44,7 +44,7 @@ fn a_wrong_side_does_not_decide() {
     assert!(auto + OBJECTS / 50 >= up2p, "auto {auto}, up2p {up2p}");
 }
 
-/// Nothing of the first try is left: pose, shape and residuals are those of the solver asked for alone.
+/// The first search leaves no trace: pose, shape and residuals are those of the second solver called alone.
 #[test]
 fn the_second_try_is_the_other_solver() {
     let (mut kept, mut same) = (0, 0);
@@ -56,21 +56,21 @@ fn the_second_try_is_the_other_solver() {
         }
         let (alone, alone_residuals) = case.estimate(never_refusing(Solver::Up2p)).expect("the same search");
         kept += 1;
-        // Of two candidates the other may be the best by the noise of the first try.
+        // The noise estimated by the first search may change which of two candidates is better.
         if auto.pose == alone.pose {
             same += 1;
             assert_eq!(auto.shape_coefficients, alone.shape_coefficients);
             assert!(residuals.iter().zip(&alone_residuals).all(|(a, b)| a == b || a.is_nan() && b.is_nan()));
             let price = auto.log10_nfa - alone.log10_nfa;
-            assert!(0.0 < price && price < 1.0, "a second try has its price: {price}");
+            assert!(0.0 < price && price < 1.0, "a second search has its price: {price}");
         }
     }
     println!("kept {kept} of {OBJECTS}, the same {same}");
     assert!(kept > OBJECTS / 20 && 10 * same >= 9 * kept, "kept {kept}, the same {same}");
 }
 
-/// A network that finds nothing answers the same place of its crop for many keypoints: they agree on an object far
-/// away, and the second try must not be the one that believes it.
+/// A network that finds nothing puts many keypoints at the same place of its crop. They agree with a distant object,
+/// which the second search must not accept.
 #[test]
 fn keypoints_in_one_place_do_not_move_it_far_away() {
     let far = |solver: Solver| {

@@ -1,4 +1,4 @@
-//! What the benches share: objects with known truth, and what is done with them, as tables.
+//! Tables common to the benches: objects with known truth, and the work done on them.
 #![allow(dead_code, reason = "every bench uses its own part")]
 
 use std::hint::black_box;
@@ -10,10 +10,10 @@ use groundpose::{
     Bbox, Estimate, Estimator, GrowingWorkspace, Observation, Options, Refinement, ShapeModel, Solver, Tilt, View,
 };
 
-/// Objects of one kind.
+/// A set of objects of one difficulty.
 pub struct Setting {
     pub name: &'static str,
-    /// Many, so that no single easy or hard one decides.
+    /// Number of objects: many, so that no single one dominates.
     objects: u64,
     kind: Kind,
     outlier_ratio: f64,
@@ -98,7 +98,7 @@ pub fn with_objects<R>(setting: &Setting, f: impl FnOnce(&Objects) -> R) -> R {
     f(&Objects { view, scenes: &scenes, observations: &observations })
 }
 
-/// What is done with one object.
+/// The work done on one object.
 pub enum Work {
     /// P1P of every keypoint, nothing scored.
     P1p,
@@ -159,23 +159,23 @@ fn each_hypothesis(objects: &Objects, index: usize, mut emit: impl FnMut(groundp
     }
 }
 
-/// A way to work on an object: its name, its work.
+/// A method: its name and its work.
 pub type Method = (&'static str, Work);
 
-/// Some ways to work.
+/// A list of methods.
 pub type Methods = fn() -> Vec<Method>;
 
 fn estimate(options: Options) -> Work {
     Work::Estimate(Estimator::new(options).expect("options"))
 }
 
-/// The stages of an estimate, each with everything before it: what a stage costs is a difference.
+/// The stages of an estimate, each including the ones before it; the cost of a stage is a difference.
 pub fn stages() -> Vec<Method> {
     let search = Options { refinement: Refinement::None, covariance: false, solver: Solver::P1p, ..Options::default() };
     let plain = Options { covariance: false, ..Options::default() };
     vec![
         ("p1p of every keypoint", Work::P1p),
-        // a single draw often finds nothing, which must not end the work early
+        // a single draw often finds nothing; the work must continue nevertheless
         ("one draw", estimate(Options { max_iterations: 1, max_log10_nfa: f64::INFINITY, ..search })),
         ("search", estimate(search)),
         ("search + gn", estimate(Options { refinement: Refinement::Gn, ..search })),
@@ -206,7 +206,7 @@ pub fn named(methods: Vec<Method>, name: &str) -> Work {
     methods.into_iter().find(|m| m.0 == name).expect("a method").1
 }
 
-/// Work has to answer, and rightly, before it is timed; the median error. One draw alone need not be right.
+/// Checks before timing that the work gives right answers (a single draw may be wrong); returns the median error.
 pub fn assert_right(name: &str, work: &Work, objects: &Objects) -> f64 {
     let errors = work.errors(objects);
     let (count, answered) = (errors.len(), errors.iter().filter(|error| error.is_finite()).count());

@@ -11,8 +11,8 @@ const OBJECTS: u64 = 1000;
 /// Rows of the table.
 const ROWS: usize = 10;
 
-/// Vehicles with known truth: noisy keypoints, 20 to 50 % of them wrong, and a camera that pitches by more than it is
-/// told. Of one in a hundred every keypoint is wrong.
+/// Vehicles with known truth: noisy keypoints, 20 to 50 % of them wrong, and a camera whose true
+/// pitch differs from the nominal one. One vehicle in a hundred has only wrong keypoints.
 fn scenes(protocol: &Protocol, objects: u64) -> Vec<Scene> {
     let scene = |trial| {
         let mut scene = protocol.scene(0, trial);
@@ -38,7 +38,7 @@ fn estimate(view: &View, protocol: &Protocol, scenes: &[Scene]) -> Result<Vec<Re
     Ok(Estimator::new(Options::default())?.estimate_batch(view, &observations))
 }
 
-/// Rows of the first objects: estimate, how sure it is, and the truth.
+/// Rows of the first objects: estimate, standard deviation and truth.
 fn write_table(
     out: &mut impl Write,
     view: &View,
@@ -62,7 +62,7 @@ fn write_table(
     Ok(())
 }
 
-/// How many objects have which status, and how good the answers are.
+/// Numbers of objects by status, and errors of the answers.
 fn write_summary(
     out: &mut impl Write,
     view: &View,
@@ -92,7 +92,7 @@ pub fn run(out: &mut impl Write, objects: u64) -> Result<(), Box<dyn std::error:
     let microseconds = start.elapsed().as_secs_f64() * 1e6 / objects as f64;
     write_table(out, &view, &results, &scenes)?;
     write_summary(out, &view, &results, &scenes)?;
-    writeln!(out, "{microseconds:.1} us an object")?;
+    writeln!(out, "{microseconds:.1} us per object")?;
     Ok(())
 }
 

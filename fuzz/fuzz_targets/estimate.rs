@@ -1,4 +1,4 @@
-//! Any camera, any keypoints, any model, any options: never a panic, and an answer is a rotation and finite numbers.
+//! For any camera, keypoints, model and options there is no panic, and every answer is a rotation and finite numbers.
 #![no_main]
 
 use arbitrary::Arbitrary;
@@ -175,6 +175,6 @@ fn check(estimate: &Estimate, residuals: &[f64]) {
 }
 
 fuzz_target!(|input: Input| {
-    // A mistake of the caller's is an answer, too.
+    // A reported mistake of the caller is a valid outcome.
     let _ = run(&input);
 });

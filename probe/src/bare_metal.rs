@@ -48,10 +48,10 @@ unsafe extern "C" {
     static mut stack_bottom: u32;
 }
 
-/// What no program leaves on the stack by chance.
+/// A pattern that no program leaves on the stack by chance.
 const PAINT: u32 = 0xA5C3_96E1;
 
-/// Words of the stack below the caller's frame, from the lowest; painted, or counted up to the first that changed.
+/// Fills the words of the stack below the caller's frame, or counts those from the lowest up to the first changed one.
 #[inline(never)]
 fn untouched_words(paint: bool) -> usize {
     let here = 0u32;

@@ -1,4 +1,4 @@
-// An operating system's C library: to print and to end, nothing else. The estimator calls nothing of it.
+// An operating system's C library, used only to print and to exit. The estimator calls nothing of it.
 
 use core::ffi::{c_int, c_void};
 
@@ -20,7 +20,7 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
     unsafe { abort() }
 }
 
-/// The compiled core library names it for unwinding, which a program that aborts never does.
+/// The compiled core library refers to it for unwinding, which a program that aborts never does.
 #[unsafe(no_mangle)]
 extern "C" fn rust_eh_personality() {}
 

@@ -1,4 +1,4 @@
-// One car with shape and scores, as tables: what the probe estimates and what a test with std estimates again.
+// One car with shape and scores, as tables. The probe estimates it, and a test estimates it again with std.
 
 use groundpose::{
     Bbox, Camera, Estimate, Estimator, InputError, Observation, Options, ShapeModel, Tilt, View, Workspace,

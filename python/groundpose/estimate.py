@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose import _core
 from groundpose._checks import (
@@ -21,9 +22,10 @@ from groundpose._checks import (
     shaped,
     type_error,
 )
+from groundpose.options import Options
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
-from groundpose.types import Options, View
+from groundpose.types import View
 
 # The core counts, people read.
 _WORDS = {
@@ -32,6 +34,10 @@ _WORDS = {
     "solver": np.array(_core.SOLVERS),
 }
 
+Keypoints = ArrayLike | Sequence[ArrayLike | Sequence[ArrayLike | None]]
+Boxes = ArrayLike | Sequence[ArrayLike | Sequence[float | None] | None] | None
+"""Arrays, or lists in which None stands for what is not known."""
+
 _DEFAULT_OPTIONS = Options()
 _NOT_SEEN = (np.nan, np.nan)
 _NO_COVARIANCE = np.full((2, 2), np.nan)
@@ -39,10 +45,10 @@ _NO_COVARIANCE = np.full((2, 2), np.nan)
 
 def estimate_poses(
     view: View,
-    keypoints_2d: object,
-    bboxes: object,
+    keypoints_2d: Keypoints,
+    bboxes: Boxes,
     models: ShapeModel | Sequence[ShapeModel],
-    keypoint_scores: object = None,
+    keypoint_scores: ArrayLike | Sequence[ArrayLike] | None = None,
     options: Options = _DEFAULT_OPTIONS,
     threads: int | None = None,
     frame_tilt_sigma: float | None = None,
@@ -97,12 +103,12 @@ def estimate_poses(
         free = replace(options, tilt_sigma=math.inf, covariance=True)
         first = _core.estimate_batch(view._handle, *data, free._handle, workers)
         view, tilt_covariance = _frame_view(view, first, frame_tilt_sigma)
-    out = _core.estimate_batch(view._handle, *data, options._handle, workers)
-    ok = out["status"] == 0
+    out: dict[str, Any] = _core.estimate_batch(view._handle, *data, options._handle, workers)
+    out["ok"] = out["status"] == 0
     for name, words in _WORDS.items():
         out[name] = words[out[name]]
-    given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
-    return PoseBatch._of(given | out | {"tilt_covariance": tilt_covariance, "ok": ok})
+    out.update(view=view, keypoints_2d=keypoints, bboxes=boxes, models=each, tilt_covariance=tilt_covariance)
+    return PoseBatch._of(out)
 
 
 def _frame_view(view: View, first: dict[str, Any], sigma: float) -> tuple[View, FloatArray]:
@@ -114,9 +120,9 @@ def _frame_view(view: View, first: dict[str, Any], sigma: float) -> tuple[View, 
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:
-    """`keypoints_2d` as (N, P, 2), and the objects' own lengths if they came as a list."""
+    """A copy of `keypoints_2d` as (N, P, 2), and the objects' own lengths if they came as a list."""
     if not isinstance(value, (list, tuple)):
-        return shaped("keypoints_2d", value, ("N", "P", 2)), None
+        return shaped("keypoints_2d", value, ("N", "P", 2)).copy(), None
     if len(value) == 0:
         width = len(models.keypoints_3d) if isinstance(models, ShapeModel) else 0
         return np.empty((0, width, 2)), None
@@ -203,7 +209,7 @@ def _bboxes(value: Any, count: int) -> FloatArray:
         raise input_error(
             "bboxes", f"shape ({count}, 4), one box per object", f"shape {shape_text(boxes.shape)}"
         )
-    return boxes
+    return np.array(boxes)
 
 
 def _threads(threads: int | None) -> int:

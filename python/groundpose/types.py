@@ -1,45 +1,27 @@
-"""Camera, tilt and options: what a caller says before the first object."""
+"""Camera and tilt: what a caller says before the first object."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from os import PathLike
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose import _core
 from groundpose._checks import (
     FloatArray,
-    count,
-    describe,
     finite,
-    flag,
     input_error,
     integer,
     number,
     shaped,
-    text,
     type_error,
 )
+from groundpose._value import Value
 from groundpose.calibration import read_kitti_projection, read_opencv_yaml
-
-_DEFAULT = _core.default_options()
-
-
-class Value:
-    """Base of the frozen dataclasses here: copied and pickled by their fields."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Rebuild from the fields, because the checked Rust object inside cannot be pickled."""
-        return type(self), tuple(getattr(self, f.name) for f in fields(self) if f.init)  # type: ignore[arg-type]
-
-    def _set(self, **values: object) -> None:
-        """Store checked values while the object is being made."""
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True)
@@ -75,7 +57,7 @@ class Camera(Value):
     @classmethod
     def from_K(
         cls,
-        K: object,
+        K: ArrayLike,
         distortion: Sequence[float] | None = None,
         image_size: tuple[int, int] | None = None,
     ) -> Camera:
@@ -121,11 +103,11 @@ class Camera(Value):
         """`[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    def undistort(self, pixels: object) -> FloatArray:
+    def undistort(self, pixels: ArrayLike) -> FloatArray:
         """Pixels (N, 2) as an ideal lens would show them; NaN where the distortion cannot be undone."""
         return self._handle.undistort(shaped("pixels", pixels, ("N", 2)))
 
-    def distort(self, pixels: object) -> FloatArray:
+    def distort(self, pixels: ArrayLike) -> FloatArray:
         """Pixels (N, 2) of an ideal lens where this lens shows them: the inverse of `undistort`."""
         return self._handle.distort(shaped("pixels", pixels, ("N", 2)))
 
@@ -164,7 +146,7 @@ class View(Value):
         self._set(pitch=pitch, roll=roll, height=height, _handle=handle)
 
     @classmethod
-    def from_gravity(cls, camera: Camera, gravity: object, height: float | None = None) -> View:
+    def from_gravity(cls, camera: Camera, gravity: ArrayLike, height: float | None = None) -> View:
         """From the direction of gravity (downwards), (3,) of any length, in the camera frame."""
         if not isinstance(camera, Camera):
             raise type_error("camera", "a Camera", camera)
@@ -185,120 +167,9 @@ class View(Value):
         pixel columns `left` and `right`."""
         return self._handle.side_planes(number("left", left), number("right", right))
 
-    def project(self, points_camera: object) -> FloatArray:
+    def project(self, points_camera: ArrayLike) -> FloatArray:
         """Undistorted pixels (N, 2) of points (N, 3) of the camera frame; NaN behind the camera."""
         return self._handle.project(shaped("points_camera", points_camera, ("N", 3)))
-
-
-@dataclass(frozen=True)
-class Options(Value):
-    """How poses are estimated. Every field is read; an unknown one is a TypeError.
-
-    Args:
-        inlier_threshold: pixels, one number or one per object; None: `relative_threshold` times
-            the longer side of the object's 2D box.
-        relative_threshold: see above.
-        confidence: wanted probability of having drawn one good sample (the stop rule of RANSAC).
-        solver: "auto" (by what is known of the box; in the default refinement "up2p" has a second try
-            where the answer is doubtful), "p1p", "p3p", "up2p" or "p1p_height".
-        cases: pairs of footprint corners the one-point solver tries: "all" or the four of the "paper".
-        scoring: "msac" (truncated squared error) or "inliers" (their number).
-        refinement: "default", "hre" (paper, algorithm 1), "re" (its robust stage alone),
-            "gn" (least squares on the inliers) or "none".
-        hre_thresholds: `(tau1, tau2, tau3)` of "hre" as multiples of the inlier threshold.
-        tilt_sigma: radians, standard deviation of an object's up axis about the ground's normal;
-            infinite: the tilt is forgotten after the search, 0: objects stand exactly upright;
-            None: 1.5 degrees in the default refinement, infinite in the paper's.
-        shape_prior: whether shape coefficients are pulled to zero by the model's eigenvalues;
-            None: in the default refinement, not in the paper's.
-        bbox_sigma: pixels, standard deviation of the 2D box's sides about the projected 3D box;
-            infinite: the box only makes hypotheses; None: by the inlier threshold in the default
-            refinement, infinite in the paper's.
-        covariance: whether covariances are computed. A pose whose inliers leave a direction of it or of
-            its shape free has none and is then refused as `degenerate`: without priors, a pose and M
-            modes take at least (6 + M) / 2 inliers.
-        max_iterations: most samples drawn for one object.
-        min_keypoints: fewest visible keypoints an object must have.
-        max_log10_nfa: refuse a pose when this many (log10) as good are to be expected among random
-            keypoints; infinite: never refuse.
-        score_weights: whether keypoint scores weigh the residuals (they order the draws in any case).
-        seed: of the random draws; an object's draws depend on it and the object's index only.
-
-    Raises:
-        InputError: a value out of range. TypeError: a value of another type, an unknown field.
-    """
-
-    inlier_threshold: float | Sequence[float] | None = _DEFAULT["inlier_threshold"]
-    relative_threshold: float = _DEFAULT["relative_threshold"]
-    confidence: float = _DEFAULT["confidence"]
-    solver: str = _DEFAULT["solver"]
-    cases: str = _DEFAULT["cases"]
-    scoring: str = _DEFAULT["scoring"]
-    refinement: str = _DEFAULT["refinement"]
-    hre_thresholds: tuple[float, float, float] = _DEFAULT["hre_thresholds"]
-    tilt_sigma: float | None = _DEFAULT["tilt_sigma"]
-    shape_prior: bool | None = _DEFAULT["shape_prior"]
-    bbox_sigma: float | None = _DEFAULT["bbox_sigma"]
-    covariance: bool = _DEFAULT["covariance"]
-    max_iterations: int = _DEFAULT["max_iterations"]
-    min_keypoints: int = _DEFAULT["min_keypoints"]
-    max_log10_nfa: float = _DEFAULT["max_log10_nfa"]
-    score_weights: bool = _DEFAULT["score_weights"]
-    seed: int = _DEFAULT["seed"]
-    _handle: _core.Options = field(init=False, repr=False, compare=False)
-    _thresholds: FloatArray | None = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        """Check types here and values in the core."""
-        values = {f.name: _KINDS[f.name](f.name, getattr(self, f.name)) for f in fields(self) if f.init}
-        thresholds = None
-        if isinstance(values["inlier_threshold"], tuple):
-            thresholds = np.array(values["inlier_threshold"])
-            if not np.all(np.isfinite(thresholds) & (thresholds > 0.0)):
-                raise input_error(
-                    "inlier_threshold", "positive numbers of pixels", describe(thresholds.tolist())
-                )
-        handle = _core.Options(**{**values, **({} if thresholds is None else {"inlier_threshold": None})})
-        self._set(**values, _handle=handle, _thresholds=thresholds)
-
-
-_Kind = Callable[[str, Any], Any]
-
-
-def _or_none(kind: _Kind) -> _Kind:
-    return lambda name, value: None if value is None else kind(name, value)
-
-
-def _one_or_more(name: str, value: Any) -> float | tuple[float, ...]:
-    if np.ndim(value) == 0:
-        return number(name, value)
-    return tuple(shaped(name, value, ("N",)).tolist())
-
-
-def _three(name: str, value: Any) -> tuple[float, ...]:
-    return tuple(shaped(name, value, (3,)).tolist())
-
-
-# The type each option takes.
-_KINDS: dict[str, _Kind] = {
-    "inlier_threshold": _or_none(_one_or_more),
-    "relative_threshold": number,
-    "confidence": number,
-    "solver": text,
-    "cases": text,
-    "scoring": text,
-    "refinement": text,
-    "hre_thresholds": _three,
-    "tilt_sigma": _or_none(number),
-    "shape_prior": _or_none(flag),
-    "bbox_sigma": _or_none(number),
-    "covariance": flag,
-    "max_iterations": count,
-    "min_keypoints": count,
-    "max_log10_nfa": number,
-    "score_weights": flag,
-    "seed": count,
-}
 
 
 def _distortion(value: object) -> tuple[float, float, float, float, float]:

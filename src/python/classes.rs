@@ -6,8 +6,11 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 
 use super::arrays::{fixed, flat, require_shape, rows};
+use super::{choose, input_error};
 use crate::geometry::camera::Camera;
 use crate::geometry::footprint::Footprint;
+use crate::geometry::lens::Lens;
+use crate::geometry::lens::brown_conrady::BrownConrady;
 use crate::geometry::view::{Tilt, View};
 use crate::model::shape_model::ShapeModel;
 
@@ -17,18 +20,23 @@ pub(crate) struct PyCamera(pub(crate) Camera);
 #[pymethods]
 impl PyCamera {
     #[new]
-    #[pyo3(signature = (fx, fy, cx, cy, distortion=None, image_size=None))]
+    #[pyo3(signature = (fx, fy, cx, cy, distortion=None, image_size=None, lens=BrownConrady::NAME))]
     fn new(
         fx: f64,
         fy: f64,
         cx: f64,
         cy: f64,
-        distortion: Option<[f64; 5]>,
+        distortion: Option<Vec<f64>>,
         image_size: Option<[f64; 2]>,
+        lens: &str,
     ) -> PyResult<Self> {
         let mut camera = Camera::new(fx, fy, cx, cy)?;
-        if let Some(distortion) = distortion {
-            camera = camera.with_distortion(distortion)?;
+        let with_coefficients = choose("lens", lens, &Lens::MODELS)?;
+        if let Some(k) = distortion {
+            let lens = with_coefficients(&k);
+            let expected = "as many coefficients as the lens model has";
+            camera = camera
+                .with_lens(lens.ok_or_else(|| input_error("distortion", expected, &k.len().to_string()))?)?;
         }
         if let Some([width, height]) = image_size {
             camera = camera.with_image_size(width, height)?;
@@ -57,8 +65,8 @@ impl PyCamera {
     }
 
     #[getter]
-    fn distortion(&self) -> Option<[f64; 5]> {
-        self.0.distortion
+    fn distortion(&self) -> Option<Vec<f64>> {
+        self.0.lens.map(|lens| lens.coefficients().to_vec())
     }
 
     #[getter]

@@ -2,9 +2,10 @@
 
 use crate::model::shape_model::ShapeModel;
 use crate::refine::normal::Normal;
-use crate::refine::normal_pose::{Projected, Summands};
+use crate::refine::normal_pose::Summands;
 use crate::simd::dispatch::HotLoop;
 use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
+use crate::simd::projection::Projected;
 
 /// Cost, gradient and normal equations of the pose and the coefficients of a shape.
 pub(crate) struct LineariseJoint<'a, const D: usize> {

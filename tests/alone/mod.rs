@@ -1,4 +1,4 @@
-//! Building crates of this repository that stand alone, as their users build them.
+//! Builds the separate crates of this repository as their users build them.
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ pub fn cargo(folder: &str, arguments: &[&str]) -> PathBuf {
         .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder).join("Cargo.toml"))
         .arg("--target-dir")
         .arg(&target)
-        // What the test itself was built with says nothing about the others.
+        // The settings of the test's own build must not affect the other crates.
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env_remove("CARGO_BUILD_TARGET")

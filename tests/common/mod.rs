@@ -1,4 +1,4 @@
-//! What several test binaries share: an object with its camera as one value, and scenes with known truth.
+//! Common to several test binaries: an object with its camera as one value, and scenes with known truth.
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
 use groundpose::synthetic::{Protocol, Scene, projected_bbox};
@@ -27,7 +27,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// A synthetic scene; the pitch told is zero, as in the protocol.
+    /// A synthetic scene; the nominal pitch is zero, as in the protocol.
     pub fn of(protocol: &Protocol, scene: &Scene) -> Self {
         Self {
             view: View::new(protocol.camera(), Tilt::default()).unwrap(),
@@ -68,7 +68,7 @@ impl Case {
         Ok(f(&observation))
     }
 
-    /// The same for an object that is known to be well formed.
+    /// The same for an object that is known to be valid.
     pub fn with_observation<R>(&self, f: impl FnOnce(&Observation) -> R) -> R {
         self.try_with_observation(f).unwrap()
     }
@@ -96,14 +96,14 @@ impl Case {
         (0..self.keypoints_3d.len()).map(point).collect()
     }
 
-    /// Keypoints as an ideal lens shows them; NaN = not seen.
+    /// Keypoints seen through an ideal lens; NaN = not seen.
     pub fn ideal_keypoints(&self) -> Vec<[f64; 2]> {
         let is_seen = |i: usize| self.scores.as_ref().is_none_or(|s| s[i] > 0.0);
         let ideal = |(i, &pixel)| is_seen(i).then(|| self.view.camera.undistort(pixel)).flatten();
         self.keypoints_2d.iter().enumerate().map(|p| ideal(p).unwrap_or([f64::NAN; 2])).collect()
     }
 
-    /// Reprojection errors of a pose and shape, written down again: but for the lens nothing of the crate is used.
+    /// Reprojection errors of a pose and shape, computed independently; only the lens is the crate's.
     pub fn residuals(&self, pose: &Pose, coefficients: &[f64]) -> Vec<f64> {
         let camera = &self.view.camera;
         let residual = |([u, v], [x, y, z]): ([f64; 2], [f64; 3])| {
@@ -125,7 +125,7 @@ pub fn angle_deg(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
     (2.0 * ((a - b).norm() / 8.0_f64.sqrt()).min(1.0).asin()).to_degrees()
 }
 
-/// Asserts that two poses are one up to `tolerance` (radians; share of the distance).
+/// Asserts that two poses are one up to `tolerance` (radians; fraction of the distance).
 #[track_caller]
 pub fn assert_same_pose(a: &Pose, b: &Pose, tolerance: f64) {
     let (e_r, e_t) = (angle_deg(&a.r, &b.r).to_radians(), (a.t - b.t).norm() / b.t.norm());

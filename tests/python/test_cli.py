@@ -147,9 +147,8 @@ TYPED = {
 def test_every_option_of_the_library_is_one_of_the_command(option, frame, monkeypatch):
     """What is typed arrives in `Options`, alone; the rest are defaults."""
     seen = []
-    estimate = gp.formats.frames.estimate_poses
-    spy = lambda *a, **more: (seen.append(a[5:]), estimate(*a, **more))[1]  # noqa: E731
-    monkeypatch.setattr("groundpose.formats.frames.estimate_poses", spy)
+    spy = lambda **a: (seen.append((a["options"], a["threads"])), gp.estimate_poses(**a))[1]  # noqa: E731
+    monkeypatch.setattr("groundpose.cli.estimate.estimate_poses", spy)
     typed, value = TYPED[option]
     assert run("estimate", frame, *typed.split(), "--threads", 2).exit_code == 0
     assert seen == [(gp.Options(**{option: value}), 2)]
@@ -160,9 +159,8 @@ def test_every_option_of_the_library_is_one_of_the_command(option, frame, monkey
 
 def test_tilt_can_be_given_by_hand(frame, monkeypatch):
     views = []
-    estimate = gp.formats.frames.estimate_poses
-    spy = lambda *a, **more: (views.append(a[0]), estimate(*a, **more))[1]  # noqa: E731
-    monkeypatch.setattr("groundpose.formats.frames.estimate_poses", spy)
+    spy = lambda **a: (views.append(a["view"]), gp.estimate_poses(**a))[1]  # noqa: E731
+    monkeypatch.setattr("groundpose.cli.estimate.estimate_poses", spy)
     assert run("estimate", frame, "--pitch-deg", "-3").exit_code == 0
     assert run("estimate", frame, "--roll-deg", "2").exit_code == 0
     assert [v.pitch for v in views] == [pytest.approx(np.radians(-3)), pytest.approx(BATCH.view.pitch)]

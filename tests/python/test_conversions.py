@@ -244,8 +244,8 @@ def test_coco_keypoints_round_trip(tmp_path, scores):
                 np.testing.assert_allclose(mine.keypoint_scores, theirs.keypoint_scores)
             else:
                 assert theirs.keypoint_scores is None
-        poses = b.estimate(gp.Options())
-        np.testing.assert_array_equal(poses.t, a.estimate(gp.Options()).t)
+        poses = gp.estimate_poses(**b.arguments)
+        np.testing.assert_array_equal(poses.t, gp.estimate_poses(**a.arguments).t)
         assert poses.ok.all()
 
 

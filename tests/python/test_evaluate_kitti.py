@@ -9,7 +9,7 @@ import pytest
 from groundpose.cli.main import app
 from groundpose.formats.kitti.dataset import KittiSet
 from groundpose.formats.kitti.labels import KIND_OF, read_labels
-from groundpose.formats.kitti.results import R_from_rotation_y, bottom_of, results, rotation_y, shaped_box
+from groundpose.formats.kitti.results import R_from_rotation_y, results, rotation_y
 from groundpose.formats.skips import Skips
 from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate.kitti import run as runs
@@ -39,7 +39,7 @@ class Exact:
         pixels, models = [], []
         for label in labels:
             model = shape_model(KIND_OF[label.type]).scaled(label.length, label.height, label.width)
-            points = (model.keypoints_3d - bottom_of(model)) @ R_from_rotation_y(label.rotation_y).T
+            points = (model.keypoints_3d - model.bottom_centre) @ R_from_rotation_y(label.rotation_y).T
             at = (points + label.location + frame.camera_from_labels) @ frame.camera.K.T
             pixels.append(at[:, :2] / at[:, 2:])
             models.append(gp.ShapeModel(model.keypoints_3d, model.bbox_3d, name="exact"))
@@ -263,15 +263,15 @@ def test_angle_and_box_of_a_pose():
     for angle in (-3.0, -1.0, 0.0, 2.5):
         assert rotation_y(R_from_rotation_y(angle)) == pytest.approx(angle)
     model = shape_model("van_bus")
-    longer = shaped_box(model, np.eye(model.modes)[0] * np.sqrt(model.eigenvalues[0]))
-    shorter = shaped_box(model, -np.eye(model.modes)[0] * np.sqrt(model.eigenvalues[0]))
+    longer = model.stretched_bbox_3d(np.eye(model.modes)[0] * np.sqrt(model.eigenvalues[0]))
+    shorter = model.stretched_bbox_3d(-np.eye(model.modes)[0] * np.sqrt(model.eigenvalues[0]))
     mean = np.ptp(model.bbox_3d, axis=0)
-    np.testing.assert_allclose(shaped_box(model, np.zeros(model.modes)), model.bbox_3d)
+    np.testing.assert_allclose(model.stretched_bbox_3d(np.zeros(model.modes)), model.bbox_3d)
     np.testing.assert_allclose(np.ptp(longer, axis=0) + np.ptp(shorter, axis=0), 2 * mean, rtol=0.01)
     assert abs(np.ptp(longer, axis=0) - mean).max() > 1.0
     assert longer[1, 1] == model.bbox_3d[1, 1]  # it stays on the ground
     rigid = gp.ShapeModel(model.keypoints_3d, model.bbox_3d)
-    np.testing.assert_array_equal(shaped_box(rigid, np.zeros(3)), model.bbox_3d)
+    np.testing.assert_array_equal(rigid.stretched_bbox_3d(np.zeros(3)), model.bbox_3d)
 
 
 def test_offset_moves_results_to_the_frame_of_the_labels(folder):

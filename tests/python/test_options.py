@@ -1,6 +1,7 @@
 """Every option is read: each is changed here and something must follow."""
 
 import itertools
+from typing import get_args, get_type_hints
 
 import groundpose as gp
 import numpy as np
@@ -165,6 +166,15 @@ def test_options_are_those_of_the_core():
     public = {name: f.default for name, f in gp.Options.__dataclass_fields__.items() if f.init}
     assert public == default_options()
     assert all(getattr(gp.Options(), name) == value for name, value in default_options().items())
+
+
+@pytest.mark.parametrize("option", ["solver", "cases", "scoring", "refinement"])
+def test_choices_are_those_of_the_core(option):
+    """A type checker knows the names that the core takes, in its order."""
+    names = get_args(get_type_hints(gp.Options)[option])
+    with pytest.raises(gp.InputError) as refused:
+        gp.Options(**{option: "?"})
+    assert str(refused.value) == f'{option}: expected one of {", ".join(names)}, got "?"'
 
 
 def test_defaults_can_be_given_by_hand():

@@ -10,6 +10,7 @@ from groundpose.lab.drive import ego as car
 from groundpose.lab.drive.ego import FRAMES_PER_DRIVE, drive_along
 from groundpose.lab.drive.footprints import Footprints, overlapping
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
+from groundpose.lab.drive.road_mesh import road_mesh
 from groundpose.lab.drive.splits import body, random_body
 from groundpose.vehicles import KINDS
 
@@ -135,7 +136,7 @@ def test_road_coordinates_and_surface_agree(kind):
 def test_road_mesh_lies_on_the_surface_and_looks_up():
     road = make_road(np.random.default_rng(1), "street", 200.0)
     assert road.junction is not None
-    mesh = road.mesh(0.0, 150.0)
+    mesh = road_mesh(road, 0.0, 150.0)
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     assert (np.sum(normals * mesh.normals[mesh.faces[:, 0]], axis=1) > 0).all()

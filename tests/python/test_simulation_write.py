@@ -11,7 +11,7 @@ import groundpose as gp
 import numpy as np
 import pytest
 from groundpose.cli.main import app
-from groundpose.cli.simulate import read_shares
+from groundpose.cli.simulate import read_fractions
 from groundpose.formats.kitti.labels import read_labels
 from groundpose.lab.drive import labels, scene, scene_seed, workers, write
 from groundpose.lab.drive.workers import Settings
@@ -296,10 +296,12 @@ def test_mistakes_are_one_line(whole, tmp_path):
     assert (other / "notes.txt").read_text() == "x"
     assert "Not a directory" in one_line(run(*base, "--out", file / "in"))
     assert "with which the folder was begun" in one_line(run(*base, "--out", whole, "--seed", 1))
+    assert "classes car, van_bus" in one_line(run(*base, "--out", out, "--class-fractions", "tram=1"))
+    assert "CLASS=FRACTION" in one_line(run(*base, "--out", out, "--class-fractions", "car"))
+    assert "a number from 0 for car" in one_line(run(*base, "--out", out, "--class-fractions", "car=-1"))
+    assert "at least one above zero" in one_line(run(*base, "--out", out, "--class-fractions", "car=0"))
+    # the option's former name
     assert "classes car, van_bus" in one_line(run(*base, "--out", out, "--class-shares", "tram=1"))
-    assert "CLASS=SHARE" in one_line(run(*base, "--out", out, "--class-shares", "car"))
-    assert "a number from 0 for car" in one_line(run(*base, "--out", out, "--class-shares", "car=-1"))
-    assert "one above zero" in one_line(run(*base, "--out", out, "--class-shares", "car=0"))
     assert not out.exists()
     for bad in (
         ("--frames", 0),
@@ -326,14 +328,14 @@ def test_settings_are_checked():
         ({"seed": -1}, "seed: expected"),
         ({"first": -1}, "first: expected"),
         ({"images": "gif"}, "format: expected one of png, jpg"),
-        ({"shares": {"tram": 1.0}}, "class shares: expected classes"),
+        ({"shares": {"tram": 1.0}}, "class fractions: expected classes"),
     ):
         with pytest.raises(gp.InputError, match=text):
             Settings(**wrong)
-    assert read_shares("car=1, pickup=0.5") == {"car": 1.0, "pickup": 0.5}
+    assert read_fractions("car=1, pickup=0.5") == {"car": 1.0, "pickup": 0.5}
 
 
-def test_class_shares_decide_the_traffic():
+def test_class_fractions_decide_the_traffic():
     shares = {"box_truck": 1.0}
     kinds = {v.kind for v in scene(scene_seed(SEED, "validation"), 0, shares).vehicles}
     assert kinds <= {"box_truck"}

@@ -5,7 +5,7 @@ use crate::classes::{CAR, Class, PICKUP};
 /// A keypoint that is not seen.
 const HIDDEN: [f64; 2] = [f64::NAN; 2];
 
-/// What a detector says of one vehicle.
+/// A detector's result for one vehicle.
 pub struct Detection {
     /// The class.
     pub class: &'static Class,
@@ -22,7 +22,7 @@ pub const CAMERA: [f64; 4] = [1200.0, 1200.0, 960.0, 540.0];
 /// Radians; the camera looks down a little.
 pub const PITCH: f64 = -0.03;
 
-/// The vehicles. Of each two keypoints are wrong; of the last, all are: a detector's mistake.
+/// The vehicles. Each has two wrong keypoints; the last one, a detector's mistake, has only wrong ones.
 pub const FRAME: [Detection; 5] = [
     Detection { class: &CAR, bbox: [673.8, 513.7, 902.2, 667.4], keypoints_2d: &KEYPOINTS_0, scores: &SCORES_0 },
     Detection { class: &CAR, bbox: [1072.9, 507.2, 1233.0, 602.3], keypoints_2d: &KEYPOINTS_1, scores: &SCORES_1 },
@@ -31,7 +31,7 @@ pub const FRAME: [Detection; 5] = [
     Detection { class: &CAR, bbox: [397.9, 506.4, 698.9, 627.2], keypoints_2d: &KEYPOINTS_4, scores: &SCORES_4 },
 ];
 
-/// What was put into the first four: yaw in radians, then the origin in the camera frame in metres.
+/// The truth of the first four: yaw in radians, then the origin in the camera frame in metres.
 pub const TRUTH: [[f64; 4]; 4] = [
     [0.050, -1.800, 1.179, 14.042],
     [3.050, 3.400, 0.939, 22.038],

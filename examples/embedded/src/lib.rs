@@ -1,5 +1,5 @@
-//! One frame of vehicles from a table, their poses to a callback. Neither std nor a heap: the same code runs on a
-//! microcontroller.
+//! Estimates a frame of vehicles from a table and passes their poses to a callback. It uses neither std nor a heap, so
+//! the same code runs on a microcontroller.
 #![no_std]
 
 #[allow(clippy::approx_constant, reason = "some lengths are near a constant of nature")]
@@ -13,16 +13,16 @@ use groundpose::{
 use classes::Class;
 use frame::Detection;
 
-/// What an estimate tells a tracker or a planner.
+/// The part of an estimate that a tracker or a planner needs.
 #[derive(Clone, Copy, Debug)]
 pub struct VehiclePose {
     /// Radians; 0 = facing away from the camera.
     pub yaw: f64,
     /// Origin of the vehicle in the camera frame, metres.
     pub t: [f64; 3],
-    /// Variance of the depth, metres squared; NaN where the keypoints leave it open.
+    /// Variance of the depth, metres squared; NaN if the keypoints do not determine it.
     pub depth_variance: f64,
-    /// How many keypoints agree.
+    /// Number of keypoints that agree with the pose.
     pub inliers: usize,
 }
 
@@ -47,7 +47,7 @@ fn model(class: &Class) -> Result<ShapeModel<'_>, InputError> {
 /// Estimates every detection of a frame and hands each result to `write`, with its place in the frame.
 ///
 /// # Errors
-/// A table that is not what the library takes: a mistake of the program, found in its first frame.
+/// The library refuses the table: a mistake of the program, found in its first frame.
 pub fn estimate_frame(
     view: &View,
     detections: &[Detection],
@@ -69,7 +69,7 @@ pub fn estimate_frame(
 /// The view of the frame in the table.
 ///
 /// # Errors
-/// Numbers that are no camera.
+/// The numbers do not describe a camera.
 pub fn view() -> Result<View, InputError> {
     let [fx, fy, cx, cy] = frame::CAMERA;
     View::new(Camera::new(fx, fy, cx, cy)?, Tilt { pitch: frame::PITCH, roll: 0.0 })

@@ -8,33 +8,23 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from groundpose._core import InputError, default_options
+from groundpose._core import InputError
 from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.options import takes_options
 from groundpose.cli.output import FORMATS, Output, Pictures, Style, mistakes, refuse
 from groundpose.cli.run import Result, Tilt, run
+from groundpose.estimate import estimate_poses
 from groundpose.formats.frames import Frame, FrameSource
 from groundpose.formats.records import pose_record, tilt_members
+from groundpose.options import Options
 from groundpose.poses import PoseBatch
-from groundpose.types import Options
-
-_DEFAULT = default_options()
 
 
-def _option(name: str, text: str, metavar: str | None = None, *, shown: str | None = None) -> Any:
-    """A command-line option for a field of `Options`; its default is the library's."""
-    default = _DEFAULT[name]
-    if shown is None:
-        shown = {True: "on", False: "off"}[default] if isinstance(default, bool) else str(default)
-    return typer.Option(help=text, metavar=metavar, show_default=shown, rich_help_panel="Method")
-
-
-_TAUS = " ".join(f"{tau:g}" for tau in _DEFAULT["hre_thresholds"])
-
-
+@takes_options
 def estimate(
     source: Annotated[
         Path,
@@ -90,53 +80,8 @@ def estimate(
         ),
     ] = None,
     threads: Annotated[int | None, typer.Option(min=1, show_default="all cores", help="Threads.")] = None,
-    inlier_threshold: Annotated[
-        float | None, _option("inlier_threshold", "Pixels, for all objects.", "PX", shown="by the box")
-    ] = None,
-    relative_threshold: Annotated[
-        float | None,
-        _option("relative_threshold", "Inlier threshold over the longer side of the box.", "SHARE"),
-    ] = None,
-    confidence: Annotated[
-        float | None, _option("confidence", "Wanted probability of a good sample.", "P")
-    ] = None,
-    solver: Annotated[str | None, _option("solver", "auto, p1p, p3p, up2p or p1p_height.", "NAME")] = None,
-    cases: Annotated[
-        str | None, _option("cases", "Pairs of footprint corners: all or paper.", "NAME")
-    ] = None,
-    scoring: Annotated[str | None, _option("scoring", "msac or inliers.", "NAME")] = None,
-    refinement: Annotated[str | None, _option("refinement", "default, hre, re, gn or none.", "NAME")] = None,
-    hre_thresholds: Annotated[
-        tuple[float, float, float] | None,
-        _option("hre_thresholds", "tau 1, 2, 3 of hre over the inlier threshold.", "T T T", shown=_TAUS),
-    ] = None,
-    tilt_sigma_deg: Annotated[
-        float | None,
-        _option(
-            "tilt_sigma", "Standard deviation of objects' lean; inf: free.", "DEG", shown="by refinement"
-        ),
-    ] = None,
-    shape_prior: Annotated[
-        bool | None, _option("shape_prior", "Pull shapes to the mean.", shown="by refinement")
-    ] = None,
-    bbox_sigma: Annotated[
-        float | None,
-        _option(
-            "bbox_sigma", "Standard deviation of the box's sides; inf: not used.", "PX", shown="by refinement"
-        ),
-    ] = None,
-    covariance: Annotated[bool | None, _option("covariance", "Compute covariances.")] = None,
-    max_iterations: Annotated[
-        int | None, _option("max_iterations", "Most samples for one object.", "N")
-    ] = None,
-    min_keypoints: Annotated[int | None, _option("min_keypoints", "Fewest keypoints seen.", "N")] = None,
-    max_log10_nfa: Annotated[
-        float | None, _option("max_log10_nfa", "Most false alarms to expect, log10; inf: any.", "X")
-    ] = None,
-    score_weights: Annotated[
-        bool | None, _option("score_weights", "Weigh residuals by the keypoints' scores.")
-    ] = None,
-    seed: Annotated[int | None, _option("seed", "Of the random draws.", "N")] = None,
+    *,
+    options: Options,
 ) -> None:
     """Estimate the poses of the vehicles of images, or of objects whose keypoints are known.
 
@@ -160,16 +105,13 @@ def estimate(
 
       zcat drive.jsonl.gz | groundpose estimate - --format kitti -o results/
     """
-    typed = dict(locals())
-    typed["tilt_sigma"] = None if tilt_sigma_deg is None else math.radians(tilt_sigma_deg)
-    given = {name: typed[name] for name in _DEFAULT if typed[name] is not None}
     form = form or ("table" if out is None and sys.stdout.isatty() else "jsonl")
     if form not in FORMATS:
         refuse(f"--format: expected {', '.join(FORMATS)}, got {form!r}")
     angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
     tilt = Tilt(*(None if angle is None else math.radians(angle) for angle in angles))
     with mistakes():
-        job = _Job(Options(**given), threads, tilt, out, form, draw)
+        job = _Job(options, threads, tilt, out, form, draw)
         if boxes is not None or is_image(source):
             status = job.images(source, boxes, calib, model, min_score, pictures)
         else:
@@ -255,12 +197,17 @@ class _FrameWork:
             try:
                 if isinstance(frame, InputError):
                     raise frame
-                told = replace(frame, view=self.tilt.of(frame.view))
-                poses = told.estimate(self.options, self.threads, self.tilt.frame_sigma)
+                tilted = replace(frame, view=self.tilt.of(frame.view))
+                poses = estimate_poses(
+                    **tilted.arguments,
+                    options=self.options,
+                    threads=self.threads,
+                    frame_tilt_sigma=self.tilt.frame_sigma,
+                )
             except InputError as error:
                 yield error
             else:
-                yield Result(told, poses)
+                yield Result(tilted, poses)
 
     def remarks(self) -> list[str]:
         return []

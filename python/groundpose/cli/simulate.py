@@ -15,7 +15,7 @@ from groundpose.cli.output import complain, console, mistakes, refuse
 
 
 class Split(str, Enum):
-    """Ranges of seeds, bodies and skies that do not overlap."""
+    """Disjoint ranges of seeds, bodies and skies."""
 
     TRAIN = "train"
     VALIDATION = "validation"
@@ -23,33 +23,34 @@ class Split(str, Enum):
 
 
 class Form(str, Enum):
-    """Of the pictures."""
+    """File format of the pictures."""
 
     PNG = "png"
     JPG = "jpg"
 
 
 def simulate(
-    frames: Annotated[int, typer.Option(min=1, help="Frames in the folder when it is done.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder: a new one, or one to go on with.")],
+    frames: Annotated[int, typer.Option(min=1, help="Number of frames in the finished folder.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to create or to resume.")],
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the drives.")] = 0,
     split: Annotated[
-        Split, typer.Option(help="Whose seeds, bodies and skies: those of one split are in no other.")
+        Split, typer.Option(help="Split whose seeds, bodies and skies are used; splits have none in common.")
     ] = Split.TRAIN,
     first: Annotated[int, typer.Option(min=0, help="Number of the first frame.")] = 0,
-    images: Annotated[bool, typer.Option(help="Draw the frames, or only label them.")] = True,
+    images: Annotated[bool, typer.Option(help="Draw the frames or only label them.")] = True,
     form: Annotated[Form, typer.Option("--format", help="Format of the pictures.")] = Form.PNG,
-    class_shares: Annotated[
+    class_fractions: Annotated[
         str | None,
-        typer.Option(metavar="CLASS=SHARE,...", help="How often a vehicle of each class is drawn."),
+        typer.Option(metavar="CLASS=FRACTION,...", help="Relative frequency of each class of vehicle."),
     ] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; none: one a core.")] = None,
+    class_shares: Annotated[str | None, typer.Option(hidden=True)] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")] = None,
 ) -> None:
     """Simulate drives: pictures, boxes, poses, keypoints and tilt of every frame.
 
     Writes labels.jsonl (which [bold]groundpose estimate[/bold] reads), KITTI labels and calibration, COCO
-    keypoints and tilt.csv. A run that was interrupted goes on with the same command; labels are the same for
-    the same seed, whatever the number of jobs.
+    keypoints and tilt.csv. The same command resumes an interrupted run. The labels depend on the seed, not on
+    the number of jobs.
 
     [bold]Examples[/bold]
 
@@ -57,8 +58,9 @@ def simulate(
 
       groundpose simulate --frames 20000 --out labels --no-images --split test --seed 3
 
-      groundpose simulate --frames 500 --out trucks --class-shares car=0.2,box_truck=0.8 --format jpg
+      groundpose simulate --frames 500 --out trucks --class-fractions car=0.2,box_truck=0.8 --format jpg
     """
+    fractions = class_fractions if class_shares is None else class_shares  # the option's former name
     with mistakes():
         _run(
             frames,
@@ -68,26 +70,26 @@ def simulate(
                 "split": split.value,
                 "first": first,
                 "images": form.value if images else None,
-                **({} if class_shares is None else {"shares": read_shares(class_shares)}),
+                **({} if fractions is None else {"shares": read_fractions(fractions)}),
             },
             jobs or os.cpu_count() or 1,
         )
 
 
-def read_shares(text: str) -> dict[str, float]:
+def read_fractions(text: str) -> dict[str, float]:
     """`car=0.6,van_bus=0.4` as numbers by class. Raises InputError."""
-    shares = {}
+    fractions = {}
     for part in text.split(","):
-        kind, _, share = part.partition("=")
+        kind, _, fraction = part.partition("=")
         try:
-            shares[kind.strip()] = float(share)
+            fractions[kind.strip()] = float(fraction)
         except ValueError:
-            raise InputError(f"--class-shares: expected CLASS=SHARE,..., got {part!r}") from None
-    return shares
+            raise InputError(f"--class-fractions: expected CLASS=FRACTION,..., got {part!r}") from None
+    return fractions
 
 
 def _run(frames: int, out: Path, settings: dict[str, object], jobs: int) -> None:
-    """With a bar on a terminal; the end in one line elsewhere too."""
+    """Write the drive with a progress bar on a terminal, then report in one line."""
     from groundpose.lab.drive.workers import Settings
     from groundpose.lab.drive.write import write_drive
 
@@ -110,4 +112,4 @@ def _run(frames: int, out: Path, settings: dict[str, object], jobs: int) -> None
         except KeyboardInterrupt:
             complain(f"interrupted; frames finished and written: {done}; the same command goes on")
             raise typer.Exit(130) from None
-    typer.echo(f"{done} frames, {objects} objects labelled now: {out.resolve()}")
+    typer.echo(f"{done} frames, {objects} objects labelled in this run: {out.resolve()}")

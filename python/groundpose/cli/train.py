@@ -1,4 +1,4 @@
-"""`groundpose crops | train | export`: from the virtual drive to a network that ships."""
+"""`groundpose crops | train | export`: from the virtual drive to an exported network."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SMOKE_FRAMES = {"train": 320, "validation": 96, "test": 96}
 
 @contextmanager
 def _extra() -> Iterator[None]:
-    """An extra that is not installed is said in one line."""
+    """Report an extra that is not installed in one line."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -48,12 +48,14 @@ def crops(
     frames: Annotated[int, typer.Option(min=1, help="Frames of the drive.")] = 20_000,
     split: Annotated[str, typer.Option(help="train, validation or test.")] = "train",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the drive.")] = 0,
-    first: Annotated[int, typer.Option(min=0, help="First frame; a multiple of a shard's frames.")] = 0,
+    first: Annotated[int, typer.Option(min=0, help="First frame; a multiple of the frames per shard.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Processes that draw.")] = 1,
-    toy: Annotated[bool, typer.Option(help="Painted stand-ins instead of the drive.")] = False,
-    large: Annotated[bool, typer.Option(help="Twice the pixels, for networks of 256 x 192.")] = False,
+    toy: Annotated[bool, typer.Option(help="Painted substitutes instead of the drive.")] = False,
+    large: Annotated[
+        bool, typer.Option(help="Twice the width and height, for networks of 256 x 192.")
+    ] = False,
 ) -> None:
-    """Draw training crops of the virtual drive. What is there already is not drawn again.
+    """Draw training crops of the virtual drive. Existing crops are not drawn again.
 
     [bold]Examples[/bold]
 
@@ -86,26 +88,29 @@ def crops(
 
 
 def train(
-    config: Annotated[str, typer.Argument(help="A configuration; [bold]list[/bold] names them.")],
+    config: Annotated[
+        str, typer.Argument(help="Name of a configuration; [bold]list[/bold] prints the names.")
+    ],
     data: Annotated[Path, typer.Option(help="Folder of crops.")] = Path("data/crops"),
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Folder of the run.", show_default="runs/CONFIG")
     ] = None,
     changes: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Another value; repeat for more.")
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Change a value of the configuration; repeatable."),
     ] = None,
     minutes: Annotated[
-        float | None, typer.Option(help="Stop after so long; the same command goes on.")
+        float | None, typer.Option(help="Stop after this time; the same command goes on.")
     ] = None,
     initial: Annotated[
-        Path | None, typer.Option(help="Begin with the weights of this run, of the same network.")
+        Path | None, typer.Option(help="Start from the weights of this run of the same network.")
     ] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads that train.")] = 1,
-    workers: Annotated[int, typer.Option(min=0, help="Threads that prepare batches beside them.")] = 0,
+    threads: Annotated[int, typer.Option(min=1, help="Threads for training.")] = 1,
+    workers: Annotated[int, typer.Option(min=0, help="Threads that prepare batches.")] = 0,
 ) -> None:
-    """Train a keypoint network; goes on where the folder's checkpoint is.
+    """Train a keypoint network, or resume from the folder's checkpoint.
 
-    [bold]smoke[/bold] needs no data: it paints its own, trains, exports and prints its accuracy.
+    [bold]smoke[/bold] needs no data: it paints its own crops, trains, exports and prints the accuracy.
 
     [bold]Examples[/bold]
 
@@ -146,13 +151,13 @@ def export(
     data: Annotated[Path, typer.Option(help="Folder of crops: calibrates scores and int8.")] = Path(
         "data/crops"
     ),
-    int8: Annotated[Path | None, typer.Option(help="Write an int8 version too.")] = None,
+    int8: Annotated[Path | None, typer.Option(help="Also write an int8 version.")] = None,
     mirrored: Annotated[
         bool, typer.Option(help="Average with the mirror image: twice the time, fewer wrong keypoints.")
     ] = False,
-    limit: Annotated[int | None, typer.Option(min=1, help="Most crops to judge on.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="Largest number of crops to evaluate.")] = None,
 ) -> None:
-    """Write a trained network as ONNX, scores calibrated, with all it says of itself; print its metrics.
+    """Write a trained network as ONNX with calibrated scores and metadata; print its metrics.
 
     [bold]Example[/bold]
 
@@ -161,8 +166,8 @@ def export(
     with mistakes(), _extra():
         from groundpose.lab.training.release import release
 
-        told = run / "command.txt"
-        command = told.read_text().strip() if told.exists() else ""
+        record = run / "command.txt"
+        command = record.read_text().strip() if record.exists() else ""
         done = release(run, data, out, int8=int8, mirrored=mirrored, command=command, limit=limit)
         table = Table(title="Held-out crops", title_justify="left")
         files = [(done.path, done.metrics)] + ([(done.int8, done.int8_metrics)] if done.int8 else [])
@@ -174,18 +179,18 @@ def export(
 
 
 def _train(trainer: Trainer, minutes: float | None) -> bool:
-    """With a bar on a terminal, a line an evaluation elsewhere."""
-    from groundpose.lab.training.log import Progress as Told
+    """Train with a progress bar on a terminal and a line per evaluation."""
+    from groundpose.lab.training.log import Progress as State
     from groundpose.lab.training.loop import Limits
 
     name = trainer.config.network
-    told = trainer.folder / "command.txt"
-    if not told.exists():
-        told.write_text(" ".join(["groundpose", *sys.argv[1:]]) + "\n")
+    record = trainer.folder / "command.txt"
+    if not record.exists():
+        record.write_text(" ".join(["groundpose", *sys.argv[1:]]) + "\n")
     with _bar() as bar:
         task = bar.add_task(name, total=trainer.steps, completed=trainer.step)
 
-        def tell(now: Told) -> None:
+        def tell(now: State) -> None:
             text = f"{name} loss {now.losses['total']:.3f}, {now.crops_per_second:.0f} crops/s"
             bar.update(task, completed=now.step, description=text)
             if now.metrics:
@@ -210,7 +215,7 @@ def _toy_crops(folder: Path) -> Path:
 
 
 def _values(changes: list[str]) -> dict[str, object]:
-    """NAME=VALUE as Python values; what is no number, true or false is a word."""
+    """NAME=VALUE as Python values; anything but a number, true or false is a string."""
     made: dict[str, object] = {}
     for change in changes:
         name, equals, value = change.partition("=")

@@ -10,7 +10,6 @@ import numpy as np
 
 from groundpose._checks import FloatArray
 from groundpose.demo.street import Street, example
-from groundpose.formats.kitti.results import shaped_box
 from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
 
 if TYPE_CHECKING:
@@ -103,7 +102,7 @@ def _row(demo: Demo, index: int) -> list[str]:
     )
     numbers, error = ["-"] * len(truth), pose.status
     if pose.ok:
-        length = _length(shaped_box(pose.model, pose.shape_coefficients))
+        length = _length(pose.model.stretched_bbox_3d(pose.shape_coefficients))
         estimate = (np.linalg.norm(pose.t), _degrees(pose.yaw), length)
         numbers = [f"{x:.{digits}f}" for x, digits in zip(estimate, _DIGITS, strict=True)]
         error = f"{demo.position_errors[index]:.2f} m {np.degrees(demo.rotation_errors[index]):.1f}°"

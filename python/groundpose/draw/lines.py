@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
-from groundpose.formats.kitti.results import shaped_box
 from groundpose.poses import Pose, PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import View
@@ -40,7 +39,7 @@ class BoxLines:
 
 def box_lines(view: View, pose: Pose) -> BoxLines:
     """The 3D box of a pose, of the shape estimated."""
-    box = shaped_box(pose.model, pose.shape_coefficients)
+    box = pose.model.stretched_bbox_3d(pose.shape_coefficients)
     corners = box[_CORNERS, [0, 1, 2]] @ pose.R.T + pose.t
     front: list[FloatArray] = []
     others: list[FloatArray] = []
@@ -98,7 +97,7 @@ def claimed(poses: PoseBatch) -> NDArray[np.bool_]:
 def footprint(model: ShapeModel, shape_coefficients: FloatArray | None) -> FloatArray:
     """Corners (C, 3), metres in the object frame, of the outline on the ground; None: of the mean shape."""
     own = model.bbox_3d
-    low, high = own if shape_coefficients is None else shaped_box(model, shape_coefficients)
+    low, high = own if shape_coefficients is None else model.stretched_bbox_3d(shape_coefficients)
     if model.footprint is None:
         corners = np.array([[low[0], low[2]], [low[0], high[2]], [high[0], high[2]], [high[0], low[2]]])
     else:

@@ -14,7 +14,8 @@ A frame is one object, in a file of its own or on one line of a JSON-lines file:
       "models": {"car": {"keypoints_3d": [[x, y, z], ...],
                          "bbox_3d": [[x, y, z], [x, y, z]],   # the rest is optional
                          "basis": [[[x, y, z], ...], ...], "eigenvalues": [...],
-                         "footprint": [[x, z], ...]},
+                         "bbox_basis": [[[x, y, z], [x, y, z]], ...],
+                         "footprint": [[x, z], ...], "keypoint_names": ["left_lamp", ...]},
                  "van": "van.npz",           # or a file of ShapeModel.save
                  "pickup": "bundled:pickup"},    # or a class of groundpose.vehicles
       "objects": [{"id": 7,                  # optional, default: its number from 0
@@ -42,17 +43,15 @@ import numpy as np
 
 from groundpose._checks import FloatArray, input_error
 from groundpose._core import InputError
-from groundpose.estimate import estimate_poses
 from groundpose.formats.fields import Field, parse
-from groundpose.poses import PoseBatch
-from groundpose.shape import ShapeModel
-from groundpose.types import Camera, Options, View
+from groundpose.shape import ARRAYS, ShapeModel
+from groundpose.types import Camera, View
 
 BUNDLED = "bundled:"
 """Before the name of a class whose shape model comes with the package."""
 
 _CAMERA = ("fx", "fy", "cx", "cy", "distortion", "image_size")
-_MODEL = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues", "footprint")
+_NAMES = "keypoint_names"
 OBJECT_MEMBERS = ("id", "model", "keypoints_2d", "keypoint_scores", "bbox", "truth")
 TILT_MEMBERS = ("pitch_deg", "roll_deg", "gravity", "camera_height")
 FRAME_MEMBERS = ("id", "camera", *TILT_MEMBERS, "image", "models", "objects")
@@ -82,16 +81,19 @@ class Frame:
     objects: tuple[FrameObject, ...]
     models: tuple[ShapeModel, ...]
 
-    def estimate(
-        self, options: Options, threads: int | None = None, frame_tilt_sigma: float | None = None
-    ) -> PoseBatch:
-        """`estimate_poses` of the frame's objects."""
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The frame as `estimate_poses` takes it: `estimate_poses(**frame.arguments)`."""
         objects, scores = self.objects, None
         if any(o.keypoint_scores is not None for o in objects):
             scores = [o.keypoint_scores or np.ones(len(o.keypoints_2d)) for o in objects]
-        keypoints, bboxes = [o.keypoints_2d for o in objects], [o.bbox for o in objects]
-        given = (self.view, keypoints, bboxes, self.models, scores, options, threads)
-        return estimate_poses(*given, frame_tilt_sigma=frame_tilt_sigma)
+        return {
+            "view": self.view,
+            "keypoints_2d": [o.keypoints_2d for o in objects],
+            "bboxes": [o.bbox for o in objects],
+            "models": self.models,
+            "keypoint_scores": scores,
+        }
 
     @property
     def truth(self) -> tuple[FloatArray, FloatArray] | None:
@@ -219,9 +221,8 @@ def read_camera(field: Field) -> Camera:
 def _model(field: Field, folder: Path) -> ShapeModel:
     if isinstance(field.value, str):
         if field.value.startswith(BUNDLED):
-            from groundpose.vehicles import (
-                shape_model,
-            )  # its code is large, and most frames bring their models
+            # Its code is large, and most frames bring their models.
+            from groundpose.vehicles import shape_model
 
             with field.blamed():
                 return shape_model(field.value.removeprefix(BUNDLED))
@@ -229,19 +230,19 @@ def _model(field: Field, folder: Path) -> ShapeModel:
             return ShapeModel.load(folder / field.value)
         except OSError as error:
             field.fail("a file written by ShapeModel.save", f"{field.value}: {error.strerror}")
-    field.members(_MODEL)
-    keypoints, box, footprint = field.need("keypoints_3d"), field.get("bbox_3d"), field.get("footprint")
-    basis, eigenvalues = field.get("basis"), field.get("eigenvalues")
-    variances = [item.number() for item in eigenvalues.items()] if eigenvalues else None
-    arrays: dict[str, Any] = {
-        "keypoints_3d": keypoints.rows(3),
-        "bbox_3d": box.rows(3) if box else None,
-        "footprint": footprint.rows(2) if footprint else None,
-        "basis": [mode.rows(3) for mode in basis.items()] if basis else None,
-        "eigenvalues": variances,
-    }
+    field.members((*ARRAYS, _NAMES))
+    field.need("keypoints_3d")
+    given = {name: member.array(shape) for name, shape in ARRAYS.items() if (member := field.get(name))}
+    names = field.get(_NAMES)
+    words = tuple(item.text() for item in names.items()) if names else ()
     with field.blamed():
-        return ShapeModel(**arrays, name=field.path.partition(".")[2])
+        return ShapeModel(**given, keypoint_names=words, name=field.path.partition(".")[2])
+
+
+def model_members(model: ShapeModel) -> dict[str, Any]:
+    """A model as frames have it, without its name, under which it stands in `models`."""
+    arrays = {name: array.tolist() for name in ARRAYS if (array := getattr(model, name)) is not None}
+    return arrays | ({_NAMES: list(model.keypoint_names)} if model.keypoint_names else {})
 
 
 def _object(field: Field, index: int, models: dict[str, ShapeModel]) -> FrameObject:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 
 import numpy as np
@@ -15,18 +15,19 @@ from groundpose.estimate import estimate_poses
 from groundpose.formats.detections import bboxes_of
 from groundpose.keypoints.codec import ByteArray, usable
 from groundpose.keypoints.decode import Detections
-from groundpose.keypoints.image import as_rgb
+from groundpose.keypoints.image import Picture, as_rgb
 from groundpose.keypoints.network import Network
+from groundpose.options import Options
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
-from groundpose.types import Options, View
+from groundpose.types import View
 from groundpose.vehicles.keypoints import KINDS, keypoint_indices
 from groundpose.vehicles.shape_models import shape_model
 
 _ROWS = {kind: keypoint_indices(kind) for kind in KINDS}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class VehiclePoses(PoseBatch):
     """A `PoseBatch` of detected vehicles, and what the network said of them.
 
@@ -116,7 +117,7 @@ class Pipeline:
                 )
 
     def __call__(
-        self, image: object, bboxes: object, view: View, frame_tilt_sigma: float | None = None
+        self, image: Picture, bboxes: object, view: View, frame_tilt_sigma: float | None = None
     ) -> VehiclePoses:
         """Poses of the vehicles in boxes of an image.
 
@@ -149,13 +150,12 @@ class Pipeline:
             frame_tilt_sigma=frame_tilt_sigma,
         )
         watch.lap("solve")
-        given = {f.name: getattr(poses, f.name) for f in fields(PoseBatch)}
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)
         for row, own in zip(scores, found.scores, strict=True):
             row[: len(own)] = own
         kinds = np.array(found.kinds, dtype=np.str_)
         return VehiclePoses(
-            **given,
+            **vars(poses),
             kinds=kinds,
             kind_probabilities=found.kind_probabilities,
             keypoint_scores=scores,

@@ -1,4 +1,8 @@
-"""Real data, which is test input and not part of this package: where it is, and how its labels turn."""
+"""Real data: its folder, and the rotation of a labelled angle.
+
+The files are test input and not part of this package. Their folder is given by `--data` or by the environment
+variable GROUNDPOSE_DATA; the default is the folder `data`.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from groundpose._checks import FloatArray
+
 
 def data_folder(given: Path | None = None) -> Path:
-    """The folder given, or the environment variable GROUNDPOSE_DATA, or `data`. It need not exist."""
+    """The folder of the real data. It need not exist."""
     return given or Path(os.environ.get("GROUNDPOSE_DATA", "data"))
 
 
-def rotation_about_y(angle: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def rotation_about_y(angle: npt.ArrayLike) -> FloatArray:
     """R_y of the conventions, (...) radians -> (..., 3, 3)."""
     c, s = np.cos(angle), np.sin(angle)
     zero, one = np.zeros_like(c), np.ones_like(c)

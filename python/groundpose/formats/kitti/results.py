@@ -11,30 +11,33 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose._checks import FloatArray, input_error, shaped, text
 from groundpose.formats.kitti.labels import KittiLabel
-
-if TYPE_CHECKING:
-    from groundpose.poses import Pose, PoseBatch
-    from groundpose.shape import ShapeModel
+from groundpose.poses import Pose, PoseBatch
 
 _UNKNOWN_ANGLE = -10.0
 _UNKNOWN_PLACE = (-1000.0, -1000.0, -1000.0)
 
 
 def format_results(
-    poses: PoseBatch, names: Sequence[str] | None = None, scores: object = None, offset: object = (0, 0, 0)
+    poses: PoseBatch,
+    names: Sequence[str] | None = None,
+    scores: ArrayLike | None = None,
+    offset: ArrayLike = (0, 0, 0),
 ) -> str:
     """The result text of a batch; see `PoseBatch.to_kitti` and `results` for the arguments."""
     return "".join(format_result(result) for result in results(poses, names, scores, offset))
 
 
 def results(
-    poses: PoseBatch, names: Sequence[str] | None = None, scores: object = None, offset: object = (0, 0, 0)
+    poses: PoseBatch,
+    names: Sequence[str] | None = None,
+    scores: ArrayLike | None = None,
+    offset: ArrayLike = (0, 0, 0),
 ) -> list[KittiLabel]:
     """The batch as KITTI's results, one an object.
 
@@ -65,7 +68,7 @@ def _result(
     poses: PoseBatch, i: int, name: str, score: float, place: FloatArray, box: FloatArray
 ) -> KittiLabel:
     if poses.ok[i]:
-        low, high = shaped_box(poses.models[i], poses.shape_coefficients[i])
+        low, high = poses.models[i].stretched_bbox_3d(poses.shape_coefficients[i])
         width, height, length = (high - low).tolist()
         x, y, z = place.tolist()
         angle = rotation_y(poses.R[i])
@@ -100,35 +103,14 @@ def R_from_rotation_y(angle: float) -> FloatArray:
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def shaped_box(model: ShapeModel, shape_coefficients: FloatArray) -> FloatArray:
-    """3D box (2, 3) of an estimated shape: the model's, stretched about its bottom centre as the extent of
-    the keypoints is. Coefficients beyond the model's own are not looked at."""
-    if not model.modes:
-        return model.bbox_3d
-    shape = model.keypoints(shape_coefficients[: model.modes])
-    before, after = np.ptp(model.keypoints_3d, axis=0), np.ptp(shape, axis=0)
-    fixed = bottom_of(model)
-    return np.asarray(
-        fixed + np.divide(after, before, out=np.ones(3), where=before > 0.0) * (model.bbox_3d - fixed)
-    )
-
-
-def bottom_of(model: ShapeModel) -> FloatArray:
-    """Middle (3,) of the bottom face of a model's 3D box, object frame."""
-    low, high = model.bbox_3d
-    middle = 0.5 * (low + high)
-    middle[1] = high[1]
-    return np.asarray(middle)
-
-
 def bottom_centre(pose: Pose) -> FloatArray:
     """Camera-frame position (3,), metres, of the middle of the 3D box's bottom face."""
-    return np.asarray(pose.R @ bottom_of(pose.model) + pose.t)
+    return np.asarray(pose.R @ pose.model.bottom_centre + pose.t)
 
 
 def bottom_centres(poses: PoseBatch) -> FloatArray:
     """`bottom_centre` of all objects, (N, 3); NaN without an answer."""
-    middles = np.array([bottom_of(model) for model in poses.models]).reshape(-1, 3)
+    middles = np.array([model.bottom_centre for model in poses.models]).reshape(-1, 3)
     return np.asarray((poses.R @ middles[..., None])[..., 0] + poses.t)
 
 

@@ -50,7 +50,7 @@ class Body:
         faces: (F, 3) rows of `vertices`, counter-clockwise seen from outside.
         materials: (F,) rows of `MATERIALS`.
         parts: (F,) component of each face; each is closed once equal positions are merged.
-        keypoints_3d: (P, 3) in the order of `keypoint_names(kind)`, on the surface.
+        keypoints_3d: (P, 3) on the surface, in the order of `keypoint_names(kind)`.
         bbox_3d: (2, 3) `[min, max]` corner without mirrors and antennas.
         wheels: (W, 4) centre x, y, z and radius.
     """
@@ -68,7 +68,7 @@ class Body:
     wheels: FloatArray
 
     def __post_init__(self) -> None:
-        """Bodies are shared between scenes: nobody may write into one."""
+        """Make the arrays read-only, because scenes share bodies."""
         for value in vars(self).values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)

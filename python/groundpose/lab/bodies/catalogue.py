@@ -1,4 +1,4 @@
-"""Any vehicle by class and number."""
+"""Vehicles by class and seed."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from groundpose.lab.bodies.pickup import body as pickup
 from groundpose.lab.bodies.van_bus import body as van_bus
 from groundpose.vehicles.keypoints import KINDS
 
-# How often each style of a class is met; the shape models are made of the same mixture.
-_SHARES: dict[str, dict[str, float]] = {
+# Frequency of each style on the road; the shape models are made of the same mixture.
+_FREQUENCIES: dict[str, dict[str, float]] = {
     "car": {"sedan": 0.26, "hatchback": 0.40, "estate": 0.11, "suv": 0.18, "coupe": 0.05},
     "van_bus": {"van": 0.42, "minibus": 0.22, "city_bus": 0.20, "coach": 0.16},
     "pickup": {"single_cab": 0.35, "double_cab": 0.65},
     "box_truck": {"cab_gap": 0.65, "no_gap": 0.35},
 }
-STYLES: dict[str, tuple[str, ...]] = {kind: tuple(shares) for kind, shares in _SHARES.items()}
+STYLES: dict[str, tuple[str, ...]] = {kind: tuple(fractions) for kind, fractions in _FREQUENCIES.items()}
 """Styles of each class."""
 _BUILDERS: dict[str, ModuleType] = {"car": car, "van_bus": van_bus, "pickup": pickup, "box_truck": box_truck}
 
@@ -32,7 +32,7 @@ def body(kind: str, seed: int, style: str | None = None) -> Body:
     Args:
         kind: class, one of `KINDS`.
         seed: 0 or larger.
-        style: one of `STYLES[kind]`; None: drawn from the seed as often as each is met on the road.
+        style: one of `STYLES[kind]`; None: drawn from the seed with the frequencies on the road.
 
     Raises:
         InputError: an unknown class or style, a negative seed.
@@ -45,22 +45,22 @@ def body(kind: str, seed: int, style: str | None = None) -> Body:
 
 
 def keypoints_of(kind: str, seed: int) -> FloatArray:
-    """`body(kind, seed).keypoints_3d` (P, 3), made without the mesh."""
+    """`body(kind, seed).keypoints_3d` (P, 3), computed without the mesh."""
     return outline(kind, seed)[0]
 
 
 def outline(kind: str, seed: int) -> tuple[FloatArray, FloatArray]:
-    """`keypoints_3d` (P, 3) and `bbox_3d` (2, 3) of `body(kind, seed)`, made without the mesh."""
+    """`keypoints_3d` (P, 3) and `bbox_3d` (2, 3) of `body(kind, seed)`, computed without the mesh."""
     made: tuple[FloatArray, FloatArray] = _BUILDERS[kind].keypoints(style_of(kind, seed), seed)
     return made
 
 
 def style_of(kind: str, seed: int) -> str:
-    """The style that `body(kind, seed)` has. A stream of its own: bodies stay when the shares change."""
+    """The style of `body(kind, seed)`; its own random stream keeps bodies when the frequencies change."""
     if kind not in KINDS:
         raise input_error("kind", f"one of {', '.join(KINDS)}", repr(kind))
     rng = np.random.Generator(
         np.random.PCG64(np.random.SeedSequence((count("seed", seed), KINDS.index(kind))))
     )
-    shares = _SHARES[kind]
-    return STYLES[kind][int(rng.choice(len(shares), p=list(shares.values())))]
+    fractions = _FREQUENCIES[kind]
+    return STYLES[kind][int(rng.choice(len(fractions), p=list(fractions.values())))]

@@ -1,4 +1,4 @@
-"""Fittings that vans, buses, pickups and trucks share; places are points of the object frame (y down)."""
+"""Fittings common to vans, buses, pickups and trucks; places are points of the object frame (y down)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from groundpose.lab.bodies.parts.materials import MATERIAL
 from groundpose.lab.bodies.parts.wheels import Rim, place_wheels, wheel
 
 PLATE_RISE = 0.012
-"""The face of a number plate stands out from the body by this, metres."""
+"""Distance of a number plate's face from the body, metres."""
 
 
 def moved(point: FloatArray, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> FloatArray:
@@ -55,14 +55,14 @@ def plate_middle(point: FloatArray, facing: float) -> FloatArray:
 
 
 def badge(point: FloatArray, facing: float) -> Component:
-    """The maker's sign."""
+    """The maker's badge."""
     return padded((0.14, 0.09, 0.03), 0.012, "chrome", moved(point, z=0.002 * facing))
 
 
 def wheel_set(
     centres: FloatArray, width: float, rims: tuple[Rim, Rim], bead: float, cap: str, twin: bool = False
 ) -> list[Component]:
-    """Four wheels at centres (4, 4), front first; `twin` adds inner tyres at the rear."""
+    """Four wheels at centres (4, 4), front ones first; `twin` adds inner tyres at the rear."""
     radius = float(centres[0, 3])
     front, rear = (
         wheel(radius, width, bead * radius, rim, turn, cap)
@@ -97,7 +97,7 @@ def side_mirror(
 
 
 def driving_place(x: float, cushion: float, z: float, screen: FloatArray, driver: bool) -> list[Component]:
-    """Seat, steering wheel and maybe a driver.
+    """Seat, steering wheel and, at random, a driver.
 
     `cushion` is the height of the seat, `screen` a point at the foot of the windscreen.
     """

@@ -1,4 +1,4 @@
-"""Measures of vehicles on the road: what the bodies are drawn from.
+"""Distributions of the measures of vehicles on the road, from which bodies are drawn.
 
 Means and standard deviations follow makers' data sheets and the labels of KITTI (height / width / length:
 car 1.51 / 1.62 / 3.90, van 2.18 / 1.90 / 4.97, truck 3.30 / 2.53 / 9.53 m).
@@ -24,7 +24,7 @@ class Spread(NamedTuple):
     slope: float = 0.0
 
     def draw(self, rng: np.random.Generator, longer: float = 0.0) -> float:
-        """One number, for a vehicle `longer` metres longer than the mean; redrawn until inside the limits."""
+        """One number for a vehicle `longer` metres longer than the mean, redrawn until inside the limits."""
         mean = min(max(self.mean + self.slope * longer, self.low), self.high)
         while True:
             value = float(rng.normal(mean, self.std))
@@ -36,7 +36,7 @@ class _Row(NamedTuple):
     length: Spread
     height: Spread
     width: Spread
-    wheelbase: Spread  # share of the length
+    wheelbase: Spread  # fraction of the length
     front_overhang: Spread  # front axle behind the front end, m
     wheel_radius: Spread
     clearance: Spread  # lower edge of the body
@@ -177,7 +177,7 @@ _TABLE: dict[tuple[str, str], _Row] = {
 
 
 def random_stream(kind: str, style: str, seed: int) -> np.random.Generator:
-    """The random numbers of one body: they depend on class, style and seed only."""
+    """Random generator of one body; it depends on class, style and seed only."""
     styles = [row for row in _TABLE if row[0] == kind]
     words = (seed, KINDS.index(kind), 1 + styles.index((kind, style)))
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words)))
@@ -188,6 +188,6 @@ def draw_dimensions(kind: str, style: str, rng: np.random.Generator) -> Dimensio
     row = _TABLE[kind, style]
     length = row.length.draw(rng)
     longer = length - row.length.mean
-    height, width, share, overhang, radius, clearance = (spread.draw(rng, longer) for spread in row[1:])
+    height, width, fraction, overhang, radius, clearance = (spread.draw(rng, longer) for spread in row[1:])
     front_axle = 0.5 * length - overhang
-    return Dimensions(length, height, width, front_axle, front_axle - share * length, radius, clearance)
+    return Dimensions(length, height, width, front_axle, front_axle - fraction * length, radius, clearance)

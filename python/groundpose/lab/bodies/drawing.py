@@ -25,7 +25,7 @@ EXAMPLES: dict[str, tuple[str, int]] = {
     "box_truck": ("cab_gap", 1),
 }
 """Style and seed of the drawn body of each class."""
-# Turn about the vertical axis and elevation of the eye, degrees: from the front left, from the rear right.
+# Azimuth and elevation of the viewpoint, degrees: from the front left, from the rear right.
 _VIEWS = ((218.0, 18.0), (38.0, 18.0))
 _MARGIN_M, _SAMPLES = 0.35, 2
 _TONES = {
@@ -38,12 +38,12 @@ _TONES = {
     "seam": 0.5,
 }
 _VISIBLE, _HIDDEN, _ACCENT = "#1a1a1a", "#8a8f98", "#d1495b"
-# A keypoint lies on the surface: it is hidden when something stands this far (metres) in front of it.
+# A keypoint lies on a surface; it counts as hidden when another surface is this far (metres) in front of it.
 _DEPTH_TOLERANCE = 0.04
 
 
 def draw_keypoints(kind: str, pixels_per_metre: float = 110.0) -> Figure:
-    """The keypoints of class `kind` with their numbers, on a body seen from two sides.
+    """Draw the keypoints of class `kind` with their numbers on a body seen from two sides.
 
     Dark numbers are visible in that view, grey ones hidden.
     """
@@ -59,7 +59,7 @@ def draw_keypoints(kind: str, pixels_per_metre: float = 110.0) -> Figure:
 
 
 def _draw_view(axes: Axes, vehicle: Body, R: FloatArray, scale: float) -> None:
-    """One view along z of the frame `R` turns the object frame into."""
+    """One view along z of the frame into which `R` turns the object frame."""
     corners = (vehicle.vertices @ R.T)[:, :2]
     origin = corners.min(axis=0) - _MARGIN_M
     width, height = np.ceil((corners.max(axis=0) + _MARGIN_M - origin) * scale).astype(int).tolist()
@@ -108,13 +108,15 @@ def _raster(
     shade, depth = np.ones((height, width)), np.full((height, width), np.inf)
     flat = (triangles[..., :2] - origin) * scale
     low, high = np.ceil(flat.min(axis=1)), np.floor(flat.max(axis=1))
-    for i in np.flatnonzero((normal[:, 2] < -1e-3) & np.all(low <= high, axis=1)):  # covers a pixel's middle
+    for i in np.flatnonzero(
+        (normal[:, 2] < -1e-3) & np.all(low <= high, axis=1)
+    ):  # covers the centre of a pixel
         _fill(shade, depth, flat[i], triangles[i, :, 2], float(grey[i]))
     return shade, depth
 
 
 def _fill(shade: FloatArray, depth: FloatArray, corners: FloatArray, z: FloatArray, grey: float) -> None:
-    """One triangle into the picture where it is nearest."""
+    """Draw one triangle where it is the nearest surface."""
     low, high = np.floor(corners.min(axis=0)).astype(int), np.ceil(corners.max(axis=0)).astype(int) + 1
     x, y = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
     (ax, ay), (bx, by), (cx, cy) = corners

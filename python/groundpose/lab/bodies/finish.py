@@ -1,4 +1,4 @@
-"""The last steps every body shares: keypoints of both sides in order, components to one mesh."""
+"""The last steps of every body: order the keypoints of both sides, merge the components into one mesh."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def finished(
     bbox_3d: FloatArray,
     wheels: FloatArray,
 ) -> Body:
-    """The body of components, all in the object frame."""
+    """The body made of components in the object frame."""
     mesh = assemble(components)
     return Body(
         kind,

@@ -1,8 +1,8 @@
-"""`python -m groundpose.lab.bodies.make_models`: principal components of many bodies of each class.
+"""`python -m groundpose.lab.bodies.make_models`: shape models from the principal components of many bodies.
 
-The bodies are aligned as they are made: all in metres, in one frame, standing on the ground with the origin
-under the middle of the box. There is no Procrustes alignment: it would take out size and position, which are
-part of what varies between vehicles and of what a pose is relative to.
+Bodies are built in alignment: in metres, in one frame, standing on the ground with the origin under the
+middle of the box. There is no Procrustes alignment, because it would remove size, which varies between
+vehicles, and position, to which a pose is relative.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from groundpose.vehicles.shape_models import FOLDER
 BODIES = 2000
 """Bodies of each class: seeds 0 to `BODIES - 1`."""
 LEFT_M = 0.04
-"""As many modes are kept as leave this root mean square distance to the keypoints of a body, metres: below
-the noise of a detector's keypoints, 1 to 3 % of the vehicle."""
+"""Modes are kept until the root mean square distance to the keypoints of a body falls to this, metres: below
+the noise of a detector's keypoints, which is 1 to 3 % of the vehicle."""
 FEWEST, MOST = 5, 10
-"""Least and largest number of modes; the core takes no more than 10."""
+"""Smallest and largest number of modes; the core takes at most 10."""
 
 
 def outlines(kind: str, count: int, first: int = 0) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -40,7 +40,7 @@ def variances(stack: FloatArray) -> FloatArray:
 
 
 def modes_needed(stack: FloatArray) -> int:
-    """How many modes leave less than `LEFT_M`."""
+    """Number of modes that leave less than `LEFT_M`."""
     variance = variances(stack)
     left = np.sqrt((variance.sum() - np.cumsum(variance)).clip(0.0) / stack.shape[1])
     return int(np.clip(np.count_nonzero(left > LEFT_M) + 1, FEWEST, MOST))
@@ -50,7 +50,7 @@ def fit(kind: str, stack: FloatArray, boxes: FloatArray) -> ShapeModel:
     """The shape model of keypoints (S, P, 3) and boxes (S, 2, 3); its box follows the shape."""
     modes = modes_needed(stack)
     model = ShapeModel.fit(stack, modes, bbox_3d=boxes, keypoint_names=keypoint_names(kind), name=kind)
-    # The sign of a mode is free: fixed here, so that every machine writes the same file.
+    # The sign of a mode is arbitrary; it is fixed here so that every machine writes the same file.
     flat = model.basis.reshape(modes, -1)
     largest = flat[np.arange(modes), np.abs(flat.round(6)).argmax(axis=1)]
     sign = np.sign(largest)[:, None, None]
@@ -69,7 +69,7 @@ def fit(kind: str, stack: FloatArray, boxes: FloatArray) -> ShapeModel:
 def make(
     folder: Path = FOLDER, count: int = BODIES, advance: Callable[[str], None] = lambda kind: None
 ) -> None:
-    """Write `KIND.npz` of every class into `folder`; `advance` is told after every body."""
+    """Write `KIND.npz` of every class into `folder`; `advance` is called after every body."""
     folder.mkdir(parents=True, exist_ok=True)
     for kind in KINDS:
         rows = []

@@ -1,8 +1,8 @@
-"""Shells of boxy vehicles: stacked horizontal outlines, each cell of the surface with its material.
+"""Shells of boxy vehicles: stacked horizontal outlines; each cell of the surface has its material.
 
-A level is a rounded rectangle seen from above, at some height, whose front and rear may lie anywhere: a
-sloping windscreen is a level with its front further back than the one below, a bonnet a pair of levels with
-nearly the same height. Columns run round the right half of every level from the middle of the front over the
+A level is a rounded rectangle seen from above, at some height, with any front and rear. A level whose front
+is further back than that of the level below makes a sloping windscreen; two levels of nearly the same height
+make a bonnet. Columns run round the right half of every level from the middle of the front over the
 corner and the side to the middle of the rear, so windows, lamps and doors are rectangles of cells.
 Heights are positive upwards here; points come out in the body frame (y down).
 """
@@ -19,7 +19,7 @@ from groundpose._checks import FloatArray
 from groundpose.lab.bodies.geometry.mesh import CREASE_DEG, Component, component
 from groundpose.lab.bodies.parts.materials import MATERIAL
 
-# The stretched part of a side is never shorter than this, metres, however far the front leans back.
+# Shortest stretched part of a side, metres, however far the front slopes back.
 _STRETCH = 0.28
 
 # Lines of the floor before the first level.
@@ -33,14 +33,14 @@ class Level:
     """One horizontal outline, metres.
 
     Args:
-        name: to find it again; unique in a shell.
+        name: by which it is looked up; unique in a shell.
         height: above the ground along the sides.
         half_width: of the widest part.
         front, rear: z of the outline on the middle plane.
         front_corner, rear_corner: radii across and along of the rounded corners.
-        front_bow, rear_bow: how far the corner lies behind (before) the middle.
+        front_bow, rear_bow: distance of the corner behind (before) the middle.
         front_height: height at the front end, if not that of the sides.
-        nose: half width at the front corner as a share of `half_width`.
+        nose: half width at the front corner as a fraction of `half_width`.
     """
 
     name: str
@@ -58,11 +58,11 @@ class Level:
 
 @dataclass(frozen=True)
 class Columns:
-    """Where the columns stand, from the middle of the front to the middle of the rear.
+    """Places of the columns, from the middle of the front to the middle of the rear.
 
     Args:
         front, rear: positions between the middle (0) and the corner (1), increasing.
-        side: z of the columns on the side, decreasing, true where no level stretches.
+        side: z of the columns on the side, decreasing; they hold where no level is stretched.
         front_stretch, rear_stretch: z before (behind) which the side follows the front (rear) of each level.
         corner: cells of each rounded corner.
     """
@@ -135,7 +135,7 @@ class Shell:
     flipped: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
-        """All paint, floor apart."""
+        """Paint on all cells except those of the floor."""
         cells = (self.points.shape[0] - 1, self.points.shape[1] - 1)
         self.right = np.zeros((*cells, 2), dtype=np.uint8)
         self.right[:, :_FLOOR] = MATERIAL["underbody"]
@@ -216,8 +216,8 @@ def shell(
 
     Args:
         levels: from the bottom up.
-        columns: see there.
-        arches: cut into the levels below `arch_level`, which is the first they leave alone.
+        columns: see `Columns`.
+        arches: cut into the levels below `arch_level`, the first level that they do not change.
         well: half width of the floor between the wheel arches.
         crown: rise of the roof's middle over its edge; negative for a bed or well.
         crease_deg: see `Component`.
@@ -255,7 +255,7 @@ def _outline(level: Level, columns: Columns) -> FloatArray:
     side = columns.side
     forward_of = min(columns.front_stretch, front_end - _STRETCH)
     back_of = max(columns.rear_stretch, rear_end + _STRETCH)
-    if forward_of < back_of:  # a short roof: both ends share what is left
+    if forward_of < back_of:  # a short roof: both ends divide what is left
         forward_of = back_of = 0.5 * (front_end + rear_end)
     ahead = np.clip((side - forward_of) / (side[0] - forward_of), 0.0, 1.0)
     behind = np.clip((back_of - side) / (back_of - side[-1]), 0.0, 1.0)
@@ -276,12 +276,12 @@ def _outline(level: Level, columns: Columns) -> FloatArray:
 
 
 def _cut_arches(points: FloatArray, arches: tuple[Arch, ...], above: int, columns: Columns) -> None:
-    """Lift the lower edge over the wheels and squeeze the levels between it and line `above`."""
+    """Raise the lower edge over the wheels and compress the levels between it and line `above`."""
     start = len(columns.front) + columns.corner - 1
     side = points[start : start + len(columns.side)]
     lower, upper = side[:, :1, 1].copy(), side[:, above, None, 1].copy()
     edge = np.max([arch.edge(columns.side) for arch in arches], axis=0)
-    # An arch ends 2 cm below the level that it leaves alone: no cell turns inside out.
+    # An arch ends 2 cm below the first unchanged level, so that no cell turns inside out.
     lifted = np.maximum(np.minimum(lower, -edge[:, None]), upper + 0.02)
     side[:, :above, 1] = upper + (side[:, :above, 1] - upper) * (upper - lifted) / (upper - lower)
 
@@ -296,9 +296,9 @@ def _floor(base: FloatArray, edge: FloatArray, well: float) -> FloatArray:
 
 def _roof(edge: FloatArray, crown: float, half_width: float, lines: int = 2) -> FloatArray:
     """Lines (N, lines, 3) from the upper edge to the middle plane."""
-    share = np.linspace(1.0, 0.0, lines + 1)[1:]
+    fraction = np.linspace(1.0, 0.0, lines + 1)[1:]
     points = np.repeat(edge[:, None], lines, axis=1)
-    points[:, :, 0] *= share
-    rise = crown * (edge[:, :1] / half_width) ** 2 * (1.0 - share**2)
+    points[:, :, 0] *= fraction
+    rise = crown * (edge[:, :1] / half_width) ** 2 * (1.0 - fraction**2)
     points[:, :, 1] -= rise
     return points

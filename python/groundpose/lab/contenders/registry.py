@@ -78,7 +78,7 @@ ROWS: tuple[Row, ...] = (
     *_polished(_REPPNP, GN, *PNPS),
     _row(lib.POSELIB_TUNED, "bench E today G1 G2 V1 real kitti", "poselib"),
     _row(at_threshold(with_cut(lib.POSELIB_TUNED), 4.0), "kitti", "poselib-x4"),
-    _row(lib.POSELIB, "bench E today G1 G2 V1 real"),
+    _row(lib.POSELIB, "bench E today G1 G2 V1 real", "poselib-plain"),
     _row(lib.OPENCV_EPNP, "E today V1 real"),
     _row(lib.OPENCV_P3P, "E today V1 real"),
     _row(lib.OPENCV_MAGSAC, "bench E today V1 real"),

@@ -95,7 +95,7 @@ def at_threshold(contender: Contender, factor: float) -> Use:
 
 
 def batched(contender: Contender, size: int) -> Contender:
-    """The same, our own calls with so many objects each: how they are timed, not what they answer."""
+    """The same, our own calls with so many objects each; random samples depend on the place in a call."""
     if isinstance(contender, Own):
         return replace(contender, batch=size)
     if isinstance(contender, Use):

@@ -1,4 +1,4 @@
-"""The virtual drive: roads, traffic, light and a tilting camera, with exact labels and pictures.
+"""The virtual drive: roads, traffic, light and a camera that tilts, with exact labels and pictures.
 
 >>> from groundpose.lab.drive import labels, scene, scene_seed
 >>> frame = scene(scene_seed(0, "train"), 3)

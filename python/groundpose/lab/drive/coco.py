@@ -1,4 +1,4 @@
-"""COCO keypoints of simulated frames: one category a class, its keypoints by name, a skeleton to draw."""
+"""COCO keypoints of simulated frames: one category per class, with named keypoints and a skeleton to draw."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def categories() -> list[dict[str, Any]]:
 
 
 def write_lines(frames: Iterable[dict[str, Any]], suffix: str) -> Iterator[str]:
-    """The pieces of a COCO file of frames as `labels.jsonl` has them; annotations are numbered from 1.
+    """The pieces of a COCO file for frames read from `labels.jsonl`; annotations are numbered from 1.
 
     Visibility is COCO's: 0 not in the image, 1 hidden, 2 visible; `area` is that of the box.
     """

@@ -14,11 +14,11 @@ from groundpose.lab.drive import Label, labels, scene, scene_seed
 from groundpose.lab.drive.record import frame_line
 from groundpose.lab.drive.render import Renderer
 
-# The frame: nothing of the split "test" is trained on.
+# The frame; no network is trained on the split "test".
 SPLIT, SEED, NUMBER = "test", 0, 350
-# Boxes given to the pipeline: those of vehicles of which a detector would see enough.
+# Boxes given to the pipeline: those of vehicles that a detector would find.
 _LEAST_HEIGHT, _MOST_HIDDEN, _MOST_CUT = 24.0, 0.7, 0.6
-# The best of these whose file is small enough to ship.
+# The highest of these qualities whose file is small enough to ship.
 _QUALITIES, _MOST_BYTES = (90, 85, 80, 75, 70, 60), 240_000
 _KEPT = ("id", "bbox", "truth", "_bbox_3d", "_truncation", "_occluded_share")
 

@@ -26,16 +26,16 @@ CAMERA = Camera.from_fov(1914, 1080, math.radians(50.8))
 
 # Room kept free around vehicles, metres.
 _MARGIN = 0.1
-# Things farther than this from the camera are left out of a frame, metres.
+# Things farther than this from the camera are omitted from a frame, metres.
 _PROPS_AHEAD, _PROPS_BEHIND = 160.0, 25.0
-# Share of moving vehicles with their lamps on, by light.
+# Fraction of moving vehicles with their lamps on, by light.
 _LAMPS = {"night": 1.0, "dusk": 0.95, "shade": 0.5, "overcast": 0.4}
 _LAMPS_OTHERWISE, _LAMPS_PARKED = 0.25, 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What the frames of a drive share."""
+    """What all frames of a drive have in common."""
 
     road: Road
     ego: Ego
@@ -46,14 +46,14 @@ class Drive:
 
 
 def scene(seed: int, number: int, shares: Mapping[str, float] | None = None) -> Scene:
-    """Frame `number` of the drive with `seed`: the same arguments give the same frame, whatever came before.
+    """Frame `number` of the drive with `seed`. The frame depends on the arguments alone.
 
-    Every FRAMES_PER_DRIVE frames another drive begins: other road, light, camera and traffic.
+    A new drive begins every FRAMES_PER_DRIVE frames, with another road, light, camera and traffic.
 
     Args:
         seed: from `splits.scene_seed`; it decides the split.
         number: of the frame, 0 or larger.
-        shares: how often a vehicle of each class is drawn; None: DEFAULT_SHARES.
+        shares: relative frequency of each class of vehicle; None: DEFAULT_SHARES.
 
     Raises:
         InputError: a negative number, a seed of no split.
@@ -87,14 +87,14 @@ def scene(seed: int, number: int, shares: Mapping[str, float] | None = None) -> 
 
 @lru_cache(maxsize=4)
 def _drive(seed: int, index: int, shares: tuple[tuple[str, float], ...]) -> Drive:
-    """The drive `index`; each part has a random stream of its own."""
+    """The drive `index`; each part has its own random stream."""
     split = split_of(seed)
     road_rng, ego_rng, traffic_rng, props_rng, light_rng = (
         np.random.Generator(np.random.PCG64(child))
         for child in np.random.SeedSequence((seed, index)).spawn(5)
     )
     names = list(ROAD_KINDS)
-    kind = names[int(road_rng.choice(len(names), p=[k.share for k in ROAD_KINDS.values()]))]
+    kind = names[int(road_rng.choice(len(names), p=[k.fraction for k in ROAD_KINDS.values()]))]
     speed = ROAD_KINDS[kind].speed[1] * 1.3
     road = make_road(road_rng, kind, speed * FRAMES_PER_DRIVE * car.FRAME_INTERVAL + _PROPS_AHEAD)
     lanes = [lane for lane in road.layout.lanes if lane.direction > 0]
@@ -107,7 +107,7 @@ def _drive(seed: int, index: int, shares: tuple[tuple[str, float], ...]) -> Driv
 
 
 def _camera_place(drive: Drive, frame: int) -> tuple[FloatArray, FloatArray]:
-    """The road's frame turned the camera's way (world_from_ground), and the point under the camera."""
+    """The road's frame turned to the camera's heading (world_from_ground), and the point under the camera."""
     s, d, yaw = (float(a[frame]) for a in (drive.ego.s, drive.ego.d, drive.ego.yaw))
     cos, sin = math.cos(yaw), math.sin(yaw)
     turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
@@ -115,7 +115,7 @@ def _camera_place(drive: Drive, frame: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _vehicles(drive: Drive, frame: int, R_road: FloatArray, at: FloatArray) -> tuple[Vehicle, ...]:
-    """The vehicles around the camera, standing on the road, those that would overlap another left out."""
+    """The vehicles around the camera, standing on the road; of two that would overlap, one is omitted."""
     near = [a for a in drive.actors if _in_sight(a, drive.ego, frame)]
     if not near:
         return ()
@@ -191,14 +191,14 @@ def _on_plane(wheels: FloatArray, heights: FloatArray) -> tuple[FloatArray, floa
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Of two vectors (3,); numpy's own is slow for one pair."""
+    """Cross product of two vectors (3,); numpy's own is slow for one pair."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _props(
     drive: Drive, at: FloatArray, forward: FloatArray, vehicles: tuple[Vehicle, ...]
 ) -> tuple[Prop, ...]:
-    """The things around the camera; one that stands where a vehicle is now is left out."""
+    """The things around the camera, without those at the place of a vehicle."""
     if not drive.props:
         return ()
     ahead = (drive.prop_places - at) @ forward

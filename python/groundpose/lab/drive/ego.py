@@ -1,7 +1,7 @@
-"""The car that carries the camera: where it is on its road, how fast, and how it pitches and rolls.
+"""The car that carries the camera: its place on the road, its speed, its pitch and roll.
 
-Pitch and roll are those of a second-order suspension (a damped spring each) driven by the car's own
-accelerations, by bumps that grow with speed and by single potholes, on top of a constant mounting error.
+Pitch and roll each follow a damped spring driven by the car's own accelerations, by bumps that grow with
+speed and by single potholes, plus a constant mounting error.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ FRAME_INTERVAL = 0.5
 """Seconds between frames."""
 
 LENGTH, WIDTH, CAMERA_TO_FRONT = 4.6, 1.85, 1.8
-"""Of the car, metres; the camera stands this far behind its front."""
+"""Distance of the camera behind the front of the car, metres."""
 
 _STEP = 0.01  # of the integration, seconds
-_WARM_UP = 3.0  # seconds before the first frame, in which the springs forget their start
+_WARM_UP = 3.0  # seconds before the first frame, in which the springs settle
 
 _MOUNT_STD_DEG = (0.6, 0.35)  # of the constant pitch and roll of a drive
 _BUMP_STD_DEG = (0.5, 0.45)  # of pitch and roll on a road of roughness 1 at 10 m/s
@@ -36,7 +36,7 @@ _POTHOLE_DEG = 1.2
 
 @dataclass(frozen=True, eq=False)
 class Ego:
-    """The camera's motion; one value a frame. `s`, `d` of the road under the camera, `yaw` against the road
+    """The camera's motion; one value per frame. `s`, `d` of the road under the camera, `yaw` against the road
     (positive to the right), `pitch`, `roll`, `height` of the camera against the plane of the road there."""
 
     s: FloatArray
@@ -50,10 +50,10 @@ class Ego:
 
 
 def drive_along(rng: np.random.Generator, road: Road, lane_d: float, speed: float) -> Ego:
-    """A drive in the lane at `lane_d` with a usual speed (m/s), from s = 0 on."""
+    """A drive from s = 0 in the lane at `lane_d` with a typical speed (m/s)."""
     kind = ROAD_KINDS[road.layout.kind]
     t = np.arange(-_WARM_UP, FRAMES_PER_DRIVE * FRAME_INTERVAL, _STEP)
-    # in towns it comes to a stop now and then, on a motorway the speed hardly changes
+    # the car sometimes stops in towns; on a motorway its speed hardly changes
     change = 0.55 if speed < 14.0 else 0.12
     v = np.clip(speed * (1.0 + change * wave(rng, t, (6.0, 25.0))), 0.0, None)
     acceleration = np.clip(np.gradient(v, _STEP), -6.0, 3.5)

@@ -1,4 +1,4 @@
-"""Rectangles on the ground seen from above: do they overlap, and how far away does a ray meet them."""
+"""Rectangles on the ground seen from above: tests of overlap, and distances at which rays meet them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Footprints:
         )
 
     def __getitem__(self, rows: NDArray[np.intp]) -> Footprints:
-        """Some of them."""
+        """The rectangles with these indices or this mask."""
         return Footprints(self.middle[rows], self.axes[rows], self.half[rows])
 
     def entry(self, origin: FloatArray, directions: FloatArray) -> FloatArray:
@@ -48,7 +48,7 @@ class Footprints:
 
 
 def overlapping(a: Footprints, b: Footprints | None = None) -> NDArray[np.bool_]:
-    """(N, M) whether a rectangle of `a` and one of `b` (None: of `a`, not with itself) have a common point.
+    """(N, M) whether each rectangle of `a` overlaps each of `b` (None: of `a`, except itself).
 
     Two rectangles are apart when they are so along a side of one of them (separating axes).
     """

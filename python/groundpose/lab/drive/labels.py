@@ -1,4 +1,4 @@
-"""Labels of a scene without drawing it: boxes, truncation, occlusion, keypoints and what is seen of them."""
+"""Labels of a scene, computed without drawing it: boxes, truncation, occlusion, keypoints, visibility."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from groundpose.types import View
 OUTSIDE, HIDDEN, VISIBLE = 0, 1, 2
 """States of a keypoint: outside the image, hidden by its own body or by something else, visible."""
 
-# Share hidden from which KITTI's occlusion level is 1, 2, 3; from the last share on there is no label.
+# Hidden fractions from which KITTI's occlusion level is 1, 2, 3; from the last one on there is no label.
 _LEVELS = (0.1, 0.5, 0.9)
 _NO_LABEL = 0.98
 
-# A surface this near before a keypoint is its own surface, metres.
+# A surface at most this far in front of a keypoint counts as its own surface, metres.
 _SKIN = 0.03
-# Points of the road between camera and vehicle that are looked at.
+# Number of points on the road sampled between camera and vehicle.
 _GROUND_SAMPLES = 24
 
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """What is known of one vehicle in one image.
+    """The labels of one vehicle in one image.
 
     Args:
         index: of the vehicle in `Scene.vehicles`.
         kind, style, seed, state: of the vehicle and its body.
         bbox: (4,) left, top, right, bottom of the mesh in the image, cut at its border.
-        bbox_full: (4,) the same beyond the border (cut at the near plane 0.3 m before the camera).
-        truncation: share of `bbox_full` outside the image.
-        occluded_share: share of the outline inside the image that other vehicles, things and the road hide.
+        bbox_full: (4,) the same, not cut at the border (but at the near plane 0.3 m before the camera).
+        truncation: fraction of `bbox_full` outside the image.
+        occluded_share: fraction of the outline in the image that other vehicles, things and the road hide.
         occlusion: KITTI's level of it: 0 below 0.1, 1 below 0.5, 2 below 0.9, 3 above.
         R, t: pose, camera_from_object.
         size: length, height, width of the body, metres; bbox_3d: (2, 3) its box in the object frame.
@@ -72,7 +72,7 @@ class Label:
 
 
 def labels(scene: Scene) -> list[Label]:
-    """Labels of the vehicles that a person could find in the image, in the order of `scene.vehicles`."""
+    """Labels of the vehicles large and visible enough to find, in the order of `scene.vehicles`."""
     seen = [sight for i, v in enumerate(scene.vehicles) if (sight := look(scene, i, v)) is not None]
     if not seen:
         return []
@@ -87,11 +87,11 @@ def labels(scene: Scene) -> list[Label]:
 
 
 def _label(scene: Scene, sight: Sight, hiders: list[Sight], road_row: float) -> Label | None:
-    """None when (almost) all of the vehicle is hidden."""
+    """The labels of one vehicle; None when it is hidden almost completely."""
     target = sight.target
     assert target is not None
-    share = _hidden_share(scene, sight, hiders, road_row)
-    if share >= _NO_LABEL:
+    fraction = _hidden_fraction(scene, sight, hiders, road_row)
+    if fraction >= _NO_LABEL:
         return None
     body, vehicle, R, t = target.solid.body, target.vehicle, target.R, target.t
     points = body.keypoints_3d @ R.T + t
@@ -112,8 +112,8 @@ def _label(scene: Scene, sight: Sight, hiders: list[Sight], road_row: float) -> 
         bbox=bbox,
         bbox_full=sight.box,
         truncation=1.0 - _area(bbox) / _area(sight.box),
-        occluded_share=share,
-        occlusion=int(np.searchsorted(_LEVELS, share, side="right")),
+        occluded_share=fraction,
+        occlusion=int(np.searchsorted(_LEVELS, fraction, side="right")),
         R=R,
         t=t,
         size=body.size,
@@ -137,8 +137,8 @@ def _area(box: FloatArray) -> float:
     return float((box[2] - box[0]) * (box[3] - box[1]))
 
 
-def _hidden_share(scene: Scene, sight: Sight, hiders: list[Sight], road_row: float) -> float:
-    """Share of the outline inside the image that nearer solids and the road cover."""
+def _hidden_fraction(scene: Scene, sight: Sight, hiders: list[Sight], road_row: float) -> float:
+    """Fraction of the outline inside the image that nearer solids and the road cover."""
     if not hiders and road_row >= sight.box[3]:
         return 0.0
     region = Region.around(clipped(scene.camera, sight.box))
@@ -153,16 +153,16 @@ def _hidden_share(scene: Scene, sight: Sight, hiders: list[Sight], road_row: flo
 
 
 def _road_rows(scene: Scene, seen: list[Sight]) -> FloatArray:
-    """Image row (N,) below which the road between the camera and each vehicle hides it: a crest before it."""
+    """Image row (N,) below which a crest of the road hides each vehicle."""
     position = scene.camera_position
     ends = np.array([scene.vehicles[sight.row].t_world for sight in seen])
     away = np.linalg.norm((ends - position)[:, [0, 2]], axis=1)
     # the ground under the vehicle itself hides nothing
     lengths = np.array([sight.length for sight in seen])
     reach = np.clip(1.0 - (0.5 * lengths + 1.0) / np.maximum(away, 1e-6), 0.0, 1.0)
-    share = np.linspace(0.1, 1.0, _GROUND_SAMPLES) * reach[:, None]
-    x = position[0] + share * (ends[:, None, 0] - position[0])
-    z = position[2] + share * (ends[:, None, 2] - position[2])
+    fraction = np.linspace(0.1, 1.0, _GROUND_SAMPLES) * reach[:, None]
+    x = position[0] + fraction * (ends[:, None, 0] - position[0])
+    z = position[2] + fraction * (ends[:, None, 2] - position[2])
     y, _ = scene.road.surface(x.ravel(), z.ravel())
     world = np.stack([x.ravel(), y, z.ravel()], axis=1)
     camera = world @ scene.R_camera_from_world.T + scene.t_camera_from_world
@@ -193,13 +193,13 @@ def _states(
 def own_body_hides(target: Target, pixels: FloatArray, depth: FloatArray) -> NDArray[np.bool_]:
     """(N,) whether the vehicle's own surface lies before points at pixels (N, 2) and depths (N,).
 
-    Exact: the faces that look at the camera are met by the ray of the pixel, in the image, where the inverse
-    of the depth is linear over a face. Glass hides as paint does.
+    Exact: the ray of each pixel is intersected with the faces turned to the camera, in the image, where the
+    inverse depth is linear over a face. Glass hides like paint.
     """
     if len(pixels) == 0:
         return np.zeros(0, dtype=bool)
     faces, (left, top, right, bottom) = target.front_faces
-    # compared coordinate by coordinate: few faces are left after the first two
+    # one coordinate at a time: few faces remain after the first two comparisons
     point, face = np.nonzero((left <= pixels[:, :1]) & (right >= pixels[:, :1]))
     kept = (top[face] <= pixels[point, 1]) & (bottom[face] >= pixels[point, 1])
     point, face = point[kept], face[kept]

@@ -1,8 +1,7 @@
-"""What the virtual drive is like, in numbers: `python -m groundpose.lab.drive.measure` writes
-results/simulation.json.
+"""Statistics of the virtual drive: `python -m groundpose.lab.drive.measure` writes results/simulation.json.
 
-Counts labelled objects a second without pictures (the bodies of the pool are made within that time), and the
-distributions that the drive was made to have.
+Measures how many objects per second are labelled without pictures (including the time to make the bodies)
+and the distributions of the labels.
 """
 
 from __future__ import annotations
@@ -39,8 +38,8 @@ _OBJECT = (
 
 
 def drive_numbers(seed: int, drive: int) -> tuple[list[tuple[float, ...]], FloatArray, Counter[str], float]:
-    """One row (see `_OBJECT`) a labelled object, pitch and roll a frame, names counted, and the seconds of
-    processor time it took, of one drive."""
+    """Of one drive: a row (see `_OBJECT`) per labelled object, pitch and roll per frame, counts of names, and
+    the seconds of processor time."""
     start = time.process_time()
     rows: list[tuple[float, ...]] = []
     tilt, names = [], Counter[str]()
@@ -52,8 +51,8 @@ def drive_numbers(seed: int, drive: int) -> tuple[list[tuple[float, ...]], Float
         for label in labels(frame):
             names.update([f"class {label.kind}", f"style {label.style}", f"state {label.state}"])
             visible = float(np.count_nonzero(label.keypoint_states == VISIBLE))
-            shares = (label.truncation, label.occlusion, label.occluded_share)
-            rows.append((float(label.location[2]), *shares, label.plane_pitch, label.plane_roll, visible))
+            fractions = (label.truncation, label.occlusion, label.occluded_share)
+            rows.append((float(label.location[2]), *fractions, label.plane_pitch, label.plane_roll, visible))
     return rows, np.array(tilt), names, time.process_time() - start
 
 
@@ -91,7 +90,7 @@ def measure(objects: int, seed: int, split: str, jobs: int) -> dict[str, Any]:
 
 
 def _distributions(table: dict[str, FloatArray], tilt: FloatArray, names: Counter[str]) -> dict[str, Any]:
-    """Distances, tilt in degrees (drives, frames, 2), truncation, occlusion, shares of names."""
+    """Distances, tilt in degrees (drives, frames, 2), truncation, occlusion, fractions of names."""
     depth = np.percentile(table["depth"], PERCENTILES)
     truncated, level = table["truncation"], table["occlusion"]
     plane = np.degrees([table["plane_pitch"], table["plane_roll"]])
@@ -114,7 +113,8 @@ def _distributions(table: dict[str, FloatArray], tilt: FloatArray, names: Counte
         "occlusion_level_shares": {str(n): _number(np.mean(level == n)) for n in range(4)},
         "visible_keypoints_mean": _number(table["visible_keypoints"].mean()),
         **{
-            f"{group}_shares": _shares(names, group) for group in ("class", "style", "state", "road", "light")
+            f"{group}_fractions": _fractions(names, group)
+            for group in ("class", "style", "state", "road", "light")
         },
     }
 
@@ -123,7 +123,7 @@ def _number(value: Any) -> float:
     return round(float(value), 3)
 
 
-def _shares(names: Counter[str], group: str) -> dict[str, float]:
+def _fractions(names: Counter[str], group: str) -> dict[str, float]:
     found = {name.split(maxsplit=1)[1]: n for name, n in names.items() if name.startswith(f"{group} ")}
     total = sum(found.values())
     return {name: _number(n / total) for name, n in sorted(found.items(), key=lambda item: -item[1])}

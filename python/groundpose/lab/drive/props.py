@@ -1,7 +1,7 @@
-"""Meshes of what stands beside roads: trees, hedges, houses, walls, poles, signs, people.
+"""Meshes of things beside roads: trees, hedges, houses, walls, poles, signs, people.
 
-All are of unit size in the object frame (x right, y down, z forward, standing on y = 0) and are stretched
-to the size of their `Prop`. Walls and facades repeat their picture by the metre, whatever the size.
+Each has unit size in the object frame (x right, y down, z forward, standing on y = 0) and is stretched to the
+size of its `Prop`. The texture of walls and facades repeats every metre, whatever the size.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def _crown(
     length = np.linalg.norm(at, axis=1)
     at *= np.minimum(1.0, 1.05 / length)[:, None]
     outward = at / np.linalg.norm(at, axis=1, keepdims=True) + 0.3 * rng.normal(size=(count, 3))
-    # Inside and below it is dark: the crown shades itself.
+    # The inside and the underside are dark, because the crown shades itself.
     shade = np.clip(0.22 + 0.6 * length**2 - 0.3 * at[:, 1] + 0.12 * rng.normal(size=count), 0.12, 1.15)
     size = card * rng.uniform(0.7, 1.3, size=count)
     core = ball(
@@ -254,7 +254,7 @@ def _kerb(rng: np.random.Generator) -> Mesh:
 
 WALL_KINDS = ("plaster", "brick", "stone", "concrete")
 CONCRETE = WALL_KINDS.index("concrete")
-# Makers of each kind; `Prop.seed` picks one of the variants.
+# Functions that make each kind; `Prop.seed` picks one of the variants.
 MAKERS: dict[str, tuple[Callable[[np.random.Generator], Mesh], ...]] = {
     "tree": (_tree,) * 9 + (_conifer,),
     "bush": (_bush,) * 4,
@@ -289,7 +289,7 @@ CLOTHES = np.array([(0.05, 0.05, 0.06), (0.6, 0.6, 0.6), (0.08, 0.1, 0.2), (0.45
 GREYS = np.array([(1.0, 1.0, 1.0), (0.7, 0.7, 0.7), (0.5, 0.52, 0.5), (1.2, 1.2, 1.2)])
 BINS = np.array([(0.05, 0.05, 0.05), (0.03, 0.07, 0.04), (0.1, 0.06, 0.03), (0.03, 0.05, 0.12)])
 
-# Tints a kind is painted with.
+# Tints of each kind.
 TINTS: dict[str, NDArray[np.float64]] = {
     "tree": GREENS, "bush": GREENS, "hedge": GREENS, "building": WALLS, "wall": WALLS, "person": CLOTHES,
     "cyclist": CLOTHES, "bin": BINS,
@@ -311,5 +311,5 @@ def variant(kind: str, seed: int) -> int:
 def tint(kind: str, seed: int) -> NDArray[np.float64]:
     """Colour (3,) that multiplies the mesh's own."""
     table = TINTS.get(kind, GREYS)
-    mixed = seed * 2654435761 % 2**32  # a drawn number without the cost of a generator
+    mixed = seed * 2654435761 % 2**32  # a pseudo-random number without the cost of a generator
     return np.asarray(table[mixed // 997 % len(table)] * (0.8 + 0.35 * (mixed / 2**32)))

@@ -1,4 +1,4 @@
-"""Pieces that things beside roads are made of: boxes, bars, balls, pictures on cards."""
+"""Parts of the things beside roads: boxes, bars, balls, textured cards."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Floats = NDArray[np.float32]
 Colour = tuple[float, float, float]
 WHITE: Colour = (1.0, 1.0, 1.0)
 
-# Columns of a vertex: position 3, normal 3, picture coordinates 2, layer, tile, colour 3, share of tint.
+# Columns of a vertex: position 3, normal 3, picture coordinates 2, layer, tile, colour 3, fraction of tint.
 # tile: metres a picture covers when laid on by position; 0: by its coordinates; -1: the vertex shines.
 COLUMNS = 14
 

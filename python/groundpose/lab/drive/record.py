@@ -24,8 +24,8 @@ TILT_COLUMNS = (
 def frame_line(scene: Scene, labels: Sequence[Label], drive: int, image: str | None) -> str:
     """The JSON line of a frame, see `formats.frames`.
 
-    The camera is told level: the truth stands in `_tilt`. Members with `_` are notes that the reader of
-    frames skips; docs/simulation.md lists them.
+    The nominal tilt is zero; the true tilt is in `_tilt`. The reader of frames skips members that begin with
+    `_`; docs/simulation.md lists them.
     """
     camera = scene.camera
     record: dict[str, Any] = {
@@ -82,7 +82,7 @@ def _rounded(array: FloatArray, digits: int) -> Any:
 
 
 def kitti_label(label: Label) -> KittiLabel:
-    """The label as KITTI has it."""
+    """The label in KITTI's format."""
     length, height, width = label.size
     left, top, right, bottom = label.bbox.tolist()
     x, y, z = label.location.tolist()

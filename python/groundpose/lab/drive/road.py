@@ -1,7 +1,7 @@
 """Roads: a centre line that curves, slopes, crests and banks, its lanes, and the surface under the wheels.
 
-A point has road coordinates `s`, metres along the centre line seen from above, and `d`, metres to the
-right of it. All directions and positions given out are in the world frame (x right, y down, z forward).
+The road coordinates of a point are `s`, metres along the centre line seen from above, and `d`, metres to the
+right of it. All directions and positions returned are in the world frame (x right, y down, z forward).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _CROWN_RADIUS = 2.0
 
 @dataclass(frozen=True)
 class Lane:
-    """A lane: `d` of its middle, width, direction of travel (+1 with s, -1 against it), usual speed (m/s)."""
+    """A lane: `d` of its middle, width, direction of travel (+1 with s, -1 against), typical speed (m/s)."""
 
     d: float
     width: float
@@ -38,7 +38,7 @@ class Lane:
 @dataclass(frozen=True)
 class Parking:
     """A row of parking places along a kerb: `d` of their middle, side (+1 right), pitch along s, `angle` of
-    the places to the road (0 parallel, pi/2 perpendicular), depth across the road, share taken."""
+    the places to the road (0 parallel, pi/2 perpendicular), depth across the road, fraction occupied."""
 
     d: float
     side: int
@@ -50,7 +50,7 @@ class Parking:
 
 @dataclass(frozen=True)
 class Junction:
-    """A street that crosses at right angles: `s` of its middle, half its width, how far it is seen."""
+    """A street that crosses at right angles: `s` of its middle, half its width, its visible length."""
 
     s: float
     half_width: float
@@ -81,20 +81,8 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
-    """Ground as triangles: vertices and normals (V, 3) world, uv (V, 2) = (d, s) metres, faces (F, 3) whose
-    right-hand normals point up, materials (F,) rows of road_mesh.MATERIALS."""
-
-    vertices: FloatArray
-    normals: FloatArray
-    uv: FloatArray
-    faces: np.ndarray[tuple[int, int], np.dtype[np.int32]]
-    materials: np.ndarray[tuple[int], np.dtype[np.uint8]]
-
-
-@dataclass(frozen=True, eq=False)
 class Road:
-    """A road from s = `start` on; all arrays have one value a station, `STEP` apart.
+    """A road from s = `start` on; all arrays have one value per station, `STEP` apart.
 
     Args:
         centre: (S, 2) x and z of the centre line.
@@ -116,7 +104,7 @@ class Road:
     junction: Junction | None = None
 
     def __post_init__(self) -> None:
-        """Lay the columns side by side, so that one look-up interpolates them all."""
+        """Join the columns in one table, so that one look-up interpolates them all."""
         rates = [np.gradient(a, STEP) for a in (self.height, self.bank, self.crown)]
         columns = [*self.centre.T, self.heading, self.curvature, self.height, self.bank, self.crown, *rates]
         object.__setattr__(self, "_table", np.stack(columns, axis=1))
@@ -137,7 +125,7 @@ class Road:
     def locate(self, x: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Road coordinates `s, d`, (N,) each, of points seen from above."""
         x, z = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (x, z))
-        # a coarse look, then Newton steps on the condition that the foot of the perpendicular is at s
+        # the nearest station, then Newton steps until the foot of the perpendicular is at s
         coarse = self.centre[::8]
         far = (x[:, None] - coarse[:, 0]) ** 2 + (z[:, None] - coarse[:, 1]) ** 2
         s = self.start + 8 * STEP * far.argmin(axis=1)
@@ -150,7 +138,7 @@ class Road:
         return s, d
 
     def lift(self, s: FloatArray, d: FloatArray) -> FloatArray:
-        """Metres of the pavement's height at (s, d) above the smooth surface."""
+        """Height of the pavement above the smooth surface at (s, d), metres."""
         if not self.layout.kerb:
             return np.zeros(np.shape(d))
         beyond = (d > self.layout.right) | (d < -self.layout.left)
@@ -181,19 +169,13 @@ class Road:
         """Direction (N,) of the centre line, radians to the right of world z."""
         return np.asarray(self._at(np.atleast_1d(s))[2])
 
-    def mesh(self, s_from: float | None = None, s_to: float | None = None) -> Mesh:
-        """The ground between two s as triangles; None: the whole road."""
-        from groundpose.lab.drive.road_mesh import build  # stands above this file
-
-        return build(self, self.start if s_from is None else s_from, self.end if s_to is None else s_to)
-
     def _at(self, s: FloatArray) -> FloatArray:
         """Columns (C, N) of the table at s."""
         table: FloatArray = self._table  # type: ignore[attr-defined]
         place = np.clip((np.asarray(s, float) - self.start) / STEP, 0.0, len(table) - 1.0 - 1e-9)
         index = place.astype(np.intp)
-        share = (place - index)[:, None]
-        return np.asarray((table[index] * (1.0 - share) + table[index + 1] * share).T)
+        fraction = (place - index)[:, None]
+        return np.asarray((table[index] * (1.0 - fraction) + table[index + 1] * fraction).T)
 
 
 def _profile(at: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

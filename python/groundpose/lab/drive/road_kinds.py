@@ -16,12 +16,12 @@ BEHIND = 60.0
 
 @dataclass(frozen=True)
 class RoadKind:
-    """Ranges `(low, high)` of a kind of road; std of a random function of s where it says std.
+    """Ranges `(low, high)` of a kind of road; names with std: standard deviations of a random function of s.
 
-    Lanes are counted for one direction; `parking` gives the share of rows of each kind ("none" too).
+    Lanes are counted for one direction; `parking` gives the fraction of rows of each kind ("none" too).
     """
 
-    share: float
+    fraction: float
     lanes: tuple[int, ...]
     lane_width: tuple[float, float]
     speed: tuple[float, float]
@@ -40,10 +40,10 @@ class RoadKind:
 
 
 # Speeds in m/s; roughness scales the bumps under the wheels; `gap` is the mean distance between vehicles
-# of a lane beyond what their speed needs.
+# of a lane in addition to the distance that their speed requires.
 ROAD_KINDS = {
     "street": RoadKind(
-        share=0.42,
+        fraction=0.42,
         lanes=(1,),
         lane_width=(2.8, 3.3),
         speed=(3.0, 13.0),
@@ -58,7 +58,7 @@ ROAD_KINDS = {
         gap=(6.0, 35.0),
     ),
     "avenue": RoadKind(
-        share=0.22,
+        fraction=0.22,
         lanes=(2, 2, 3),
         lane_width=(3.0, 3.5),
         speed=(6.0, 17.0),
@@ -74,7 +74,7 @@ ROAD_KINDS = {
         gap=(6.0, 30.0),
     ),
     "country": RoadKind(
-        share=0.14,
+        fraction=0.14,
         lanes=(1,),
         lane_width=(3.0, 3.7),
         speed=(14.0, 26.0),
@@ -88,7 +88,7 @@ ROAD_KINDS = {
         gap=(15.0, 60.0),
     ),
     "motorway": RoadKind(
-        share=0.14,
+        fraction=0.14,
         lanes=(2, 3, 3, 4),
         lane_width=(3.5, 3.75),
         speed=(22.0, 36.0),
@@ -104,7 +104,7 @@ ROAD_KINDS = {
         gap=(10.0, 45.0),
     ),
     "yard": RoadKind(
-        share=0.08,
+        fraction=0.08,
         lanes=(1,),
         lane_width=(2.8, 3.2),
         speed=(2.0, 6.0),
@@ -119,16 +119,16 @@ ROAD_KINDS = {
     ),
 }
 
-# Angle of a place to the road, depth across the road and pitch along it, metres, with a margin between cars.
+# Of a parking place: angle to the road, depth across it, pitch along it with a margin between cars; metres.
 _PARKING = {
     "parallel": (0.0, 2.25, 6.0),
     "angled": (math.radians(60), 5.2, 3.3),
     "perpendicular": (math.pi / 2, 5.1, 2.75),
 }
 
-# A drive lasts about this long.
+# Duration of a drive, seconds.
 _SECONDS = 10.0
-# Around a junction the road is straight and plane for this long, and as it likes again this much farther on.
+# Around a junction the road is straight and plane for the first length; it is free again after the second.
 _JUNCTION_FLAT, _JUNCTION_FADE = 28.0, 40.0
 
 
@@ -139,7 +139,7 @@ def make_road(rng: np.random.Generator, kind: str, length: float) -> Road:
     s = np.arange(-BEHIND, length + STEP, STEP)
     junction = _junction(rng, made, layout, length)
     free = _free(s, junction)
-    # most roads are nearly straight, some wind
+    # most roads are nearly straight, some are winding
     curvature = made.curvature_std * min(rng.gamma(1.5, 0.7), 2.2) * free * wave(rng, s, (90.0, 300.0))
     bank = made.bank_std * wave(rng, s, (60.0, 200.0)) - curvature * rng.uniform(0.0, 6.0)
     slope = rng.normal(0.0, 0.6 * made.slope_std) + np.cumsum(
@@ -209,7 +209,7 @@ def _layout(rng: np.random.Generator, kind: str, made: RoadKind) -> Layout:
 def _junction(rng: np.random.Generator, made: RoadKind, layout: Layout, length: float) -> Junction | None:
     if rng.random() >= made.junctions:
         return None
-    # where the camera, which starts at 0, comes near it
+    # where the camera, which starts at 0, will approach it
     s = float(np.round(rng.uniform(25.0, min(40.0 + _SECONDS * layout.lanes[0].speed, length - 60.0))))
     half_width = float(rng.uniform(3.2, 5.0))
     return Junction(s, half_width, max(layout.left, layout.right) + 32.0, bool(rng.random() < 0.5))
@@ -219,5 +219,5 @@ def _free(s: FloatArray, junction: Junction | None) -> FloatArray:
     """1 away from the junction, 0 near it, smooth between."""
     if junction is None:
         return np.ones(len(s))
-    share = np.clip((np.abs(s - junction.s) - _JUNCTION_FLAT) / _JUNCTION_FADE, 0.0, 1.0)
-    return np.asarray(share**2 * (3.0 - 2.0 * share))
+    fraction = np.clip((np.abs(s - junction.s) - _JUNCTION_FLAT) / _JUNCTION_FADE, 0.0, 1.0)
+    return np.asarray(fraction**2 * (3.0 - 2.0 * fraction))

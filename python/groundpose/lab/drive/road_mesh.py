@@ -1,4 +1,4 @@
-"""The ground as triangles: strips along the road, with kerbs, markings and the mouth of a crossing street."""
+"""The ground as triangles: strips along the road, with kerbs, markings and the mouth of a side street."""
 
 from __future__ import annotations
 
@@ -8,13 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundpose._checks import FloatArray
-from groundpose.lab.drive.road import KERB_HEIGHT, Junction, Layout, Mesh, Road
+from groundpose.lab.drive.road import KERB_HEIGHT, Junction, Layout, Road
 
 MATERIALS = ("asphalt", "marking", "kerb", "pavement", "verge")
 
 _LINE = 0.06  # half the width of a painted line
 _KERB_STONE = 0.15
 _SPACING = 1.0  # of cross-sections, metres
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Ground as triangles: vertices and normals (V, 3) world, uv (V, 2) = (d, s) metres, faces (F, 3) whose
+    right-hand normals point up, materials (F,) rows of `MATERIALS`."""
+
+    vertices: FloatArray
+    normals: FloatArray
+    uv: FloatArray
+    faces: np.ndarray[tuple[int, int], np.dtype[np.int32]]
+    materials: np.ndarray[tuple[int], np.dtype[np.uint8]]
 
 
 @dataclass(frozen=True)
@@ -30,8 +42,9 @@ class Strip:
     dash: tuple[float, float] | None = None
 
 
-def build(road: Road, s_from: float, s_to: float) -> Mesh:
-    """The mesh of `Road.mesh`."""
+def road_mesh(road: Road, s_from: float | None = None, s_to: float | None = None) -> Mesh:
+    """The ground between two s as triangles; None: the whole road."""
+    s_from, s_to = road.start if s_from is None else s_from, road.end if s_to is None else s_to
     pieces: list[_Piece] = []
     for first, last, strips in _sections(road, s_from, s_to):
         for strip in strips:
@@ -54,7 +67,7 @@ _Section = tuple[float, float, list[Strip]]
 
 
 def _sections(road: Road, s_from: float, s_to: float) -> list[_Section]:
-    """Stretches of one cross-section each."""
+    """Sections of constant cross-section along the road."""
     layout, junction = road.layout, road.junction
     plain = _cross_section(layout)
     if junction is None:
@@ -129,7 +142,7 @@ def _between(side: int, inner: float, outer: float, material: str, lift_in: floa
 
 
 def _steps(inner: float, outer: float) -> list[tuple[float, float]]:
-    """Wide ground in strips of 8 m at most, because it is not flat across."""
+    """Wide ground in strips of at most 8 m, because it is not flat across."""
     edges = np.linspace(inner, outer, max(1, round((outer - inner) / 8.0)) + 1)
     return list(itertools.pairwise(edges.tolist()))
 
@@ -210,7 +223,7 @@ def _strip(road: Road, first: float, last: float, strip: Strip) -> _Piece:
     s = _stations(first, last, strip.dash)
     left = road.world(s, strip.d0, strip.lift0)
     right = road.world(s, strip.d1, strip.lift1)
-    if strip.d0 == strip.d1:  # the face of a kerb looks at the road
+    if strip.d0 == strip.d1:  # the face of a kerb is turned to the road
         toward = -np.sign(strip.d0) * road.frame(s, strip.d0)[:, :, 0]
         normals = np.concatenate([toward, toward])
     else:
@@ -228,13 +241,13 @@ def _strip(road: Road, first: float, last: float, strip: Strip) -> _Piece:
 
 
 def _stations(first: float, last: float, dash: tuple[float, float] | None) -> FloatArray:
-    """Whole metres between the ends; ends of dashes fall on them."""
+    """Whole metres between the ends; dashes begin and end on them."""
     inner = np.arange(np.floor(first / _SPACING) + 1.0, np.ceil(last / _SPACING)) * _SPACING
     return np.concatenate([[first], inner, [last]])
 
 
 def _mouth_faces(road: Road, junction: Junction, s_from: float, s_to: float) -> list[_Piece]:
-    """Kerbs of the crossing street: upright faces along d, looking at it."""
+    """Kerbs of the crossing street: upright faces along d, turned to the street."""
     if not road.layout.kerb:
         return []
     pieces = []

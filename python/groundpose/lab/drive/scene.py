@@ -1,7 +1,7 @@
-"""What a frame of the drive consists of: plain data, shared by labels and renderer.
+"""The data of one frame of the drive, used by labels and renderer.
 
-World frame: x right, y down, z forward at the start of the drive. Camera and object frames as everywhere
-in groundpose. Metres, radians.
+World frame: x right, y down, z forward at the start of the drive. Camera and object frames are those of the
+rest of groundpose. Metres, radians.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Light:
         sun_strength: 0 without a sun.
         sky: index of the environment.
         exposure: factor of the camera.
-        seed: of everything else the renderer draws.
+        seed: of everything else that the renderer draws at random.
     """
 
     kind: str

@@ -1,4 +1,4 @@
-"""Contact sheets to judge the pictures by: `python -m groundpose.lab.drive.sheets FOLDER`.
+"""Contact sheets for judging the pictures: `python -m groundpose.lab.drive.sheets FOLDER`.
 
 64 crops of each class and 8 frames, drawn from the validation split.
 """
@@ -21,11 +21,11 @@ from groundpose.vehicles import KINDS
 
 CROP, COLUMNS, CROPS = (128, 96), 8, 64
 FRAMES, FRAME = 8, (760, 429)
-# Vehicles shown: height in the image, share cut off and hidden.
+# Vehicles shown: least height in the image, largest fraction cut off and hidden.
 _LEAST_HEIGHT, _MOST_CUT, _MOST_HIDDEN = 25.0, 0.3, 0.5
-_A_SCENE = 4  # crops of one scene
+_A_SCENE = 4  # crops per scene
 _MARGIN = 1.2
-_LEAST_LABELS = 6  # of a frame shown
+_LEAST_LABELS = 6  # in a frame shown
 
 
 def crop_box(bbox: FloatArray, size: tuple[int, int], margin: float = _MARGIN) -> FloatArray:
@@ -38,12 +38,12 @@ def crop_box(bbox: FloatArray, size: tuple[int, int], margin: float = _MARGIN) -
 
 
 def crops(renderer: Renderer, kind: str, count: int) -> list[NDArray[np.uint8]]:
-    """Crops of vehicles of one class from scene after scene."""
-    shares = {k: 0.7 if k == kind else 0.1 for k in KINDS}
+    """Crops of vehicles of one class from successive scenes."""
+    fractions = {k: 0.7 if k == kind else 0.1 for k in KINDS}
     out: list[NDArray[np.uint8]] = []
     drive = 0
     while len(out) < count:
-        made = scene(scene_seed(1000 * KINDS.index(kind) + drive, "validation"), 10, shares)
+        made = scene(scene_seed(1000 * KINDS.index(kind) + drive, "validation"), 10, fractions)
         drive += 1
         shown = [
             x for x in labels(made)
@@ -69,7 +69,7 @@ def frames(renderer: Renderer, count: int) -> list[NDArray[np.uint8]]:
 
 
 def tiled(pictures: list[NDArray[np.uint8]], columns: int) -> Image.Image:
-    """Pictures of one size side by side."""
+    """Pictures of equal size in a grid."""
     rows = [np.concatenate(pictures[i : i + columns], axis=1) for i in range(0, len(pictures), columns)]
     return Image.fromarray(np.concatenate(rows))
 

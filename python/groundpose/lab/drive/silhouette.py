@@ -1,8 +1,8 @@
-"""Outlines of solids in the image, fast enough for 100,000 objects: which share of one is hidden by others.
+"""Outlines of solids in the image, to compute quickly which fraction of a solid others hide.
 
-A solid is cut into slabs; each slab is replaced by its convex hull, of which the extreme points in fixed
-directions are kept. The outline of the solid is the union of the slabs' outlines: bonnet and cabin, cab and
-cargo bed, trunk and crown stay apart. `tests/python/test_simulation_labels.py` holds it against the mesh.
+A solid is cut into slabs. Each slab is replaced by its convex hull, and the hull by its extreme points in
+fixed directions. The outline of the solid is the union of the slabs' outlines, so bonnet and cabin, cab and
+cargo bed, trunk and crown stay separate. `tests/python/test_simulation_labels.py` compares outline and mesh.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from groundpose._checks import FloatArray
 from groundpose.types import Camera
 
 NEAR = 0.3
-"""Metres before the camera at which everything is cut."""
+"""Distance of the near plane before the camera, metres."""
 
 _CANVAS = 96  # pixels of the longer side of an object's region
 
@@ -58,14 +58,14 @@ def _crossings(a: FloatArray, b: FloatArray, axis: int, level: float) -> FloatAr
     """Points where segments a to b meet the plane at `level`."""
     below, above = a[:, axis] - level, b[:, axis] - level
     cross = below * above < 0.0
-    share = (below[cross] / (below[cross] - above[cross]))[:, None]
-    return np.asarray(a[cross] + share * (b[cross] - a[cross]))
+    fraction = (below[cross] / (below[cross] - above[cross]))[:, None]
+    return np.asarray(a[cross] + fraction * (b[cross] - a[cross]))
 
 
 def outline(camera: Camera, points: FloatArray) -> FloatArray:
     """Convex polygons (K, 32, 2), pixels, that cover slabs of points (K, M, 3) of the camera frame.
 
-    Slabs behind the near plane are left out, those that cross it are cut.
+    Slabs behind the near plane are omitted; those that cross it are cut.
     """
     behind = points[..., 2] < NEAR
     if behind.any():
@@ -80,13 +80,13 @@ def outline(camera: Camera, points: FloatArray) -> FloatArray:
 
 
 def _before(points: FloatArray) -> FloatArray:
-    """The part of a convex set before the near plane: its points there, and its chords' in the plane."""
+    """The part of a convex set before the near plane: its points and the chords' points in the plane."""
     front = points[:, 2] >= NEAR
     a, b = points[front][:, None], points[~front][None]
     if a.size == 0 or b.size == 0:
         return points[front]
-    share = (a[..., 2:] - NEAR) / (a[..., 2:] - b[..., 2:])
-    return np.concatenate([points[front], (a + share * (b - a)).reshape(-1, 3)])
+    fraction = (a[..., 2:] - NEAR) / (a[..., 2:] - b[..., 2:])
+    return np.concatenate([points[front], (a + fraction * (b - a)).reshape(-1, 3)])
 
 
 def project(camera: Camera, points: FloatArray) -> FloatArray:
@@ -124,7 +124,7 @@ class Region:
         )
 
     def mask(self, polygons: FloatArray) -> NDArray[np.bool_]:
-        """(height, width) what the polygons cover."""
+        """(height, width) mask of what the polygons cover."""
         canvas = Image.new("L", (self.width, self.height))
         draw = ImageDraw.Draw(canvas)
         # a pixel's centre is half a pixel from its corner
@@ -134,6 +134,6 @@ class Region:
         return np.asarray(canvas, dtype=bool)
 
     def below(self, row: float) -> NDArray[np.bool_]:
-        """(height, width) everything below an image row."""
+        """(height, width) mask of everything below an image row."""
         rows = self.top + (np.arange(self.height) + 0.5) / self.scale
         return np.broadcast_to((rows > row)[:, None], (self.height, self.width))

@@ -1,4 +1,4 @@
-"""The solids of a scene as labels see them: bodies and things beside the road, each cut into slabs once."""
+"""The solids of a scene for the labels: bodies and things beside the road, each cut into slabs once."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from groundpose.lab.drive.splits import body
 from groundpose.shape import extent
 
 _BODY_SLABS = 16
-# Mirrors, antennas, lamps: parts with less surface than this (m^2) do not count for outlines.
+# Parts with less surface than this (m^2) do not count for outlines: mirrors, antennas, lamps.
 _SMALL_PART = 0.3
-# Things with a stem are cut across their height; the others are convex enough as a whole.
+# Things with a stem are cut across their height; the others are nearly convex as a whole.
 _PROP_SLABS = {"tree": 8, "bush": 3, "sign": 10, "traffic_light": 6, "pole": 8, "person": 8, "cyclist": 6}
-# One sees through railings.
+# Things that one can see through.
 _SEE_THROUGH = (("fence", 1),)
 
 
-# What stands behind glass hides nothing that the glass does not hide before.
+# Parts behind glass hide nothing that the glass does not hide already.
 _BEHIND_GLASS = ("interior", "seat")
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A body with what labels need again and again.
+    """A body with the values that labels use repeatedly.
 
     Args:
         body: the body.
         slabs: (K, M, 3) for `silhouette.outline`.
         corners: (8, 3) of the box around the mesh, mirrors included.
-        vertices: (V, 3), those of the body without doubles.
+        vertices: (V, 3), those of the body without duplicates.
         faces: (F, 3) rows of `vertices`, without those behind glass.
         normals: (F, 3) outward, of any length; offsets: (F,) `normal . x` on the face.
     """
@@ -53,7 +53,7 @@ class Solid:
     offsets: FloatArray
 
     def facing(self, eye: FloatArray) -> NDArray[np.intp]:
-        """The faces (F, 3) that look at a point (3,) of the object frame."""
+        """The faces (F, 3) turned to a point (3,) of the object frame."""
         return self.faces[self.normals @ eye > self.offsets]
 
 
@@ -80,7 +80,7 @@ def solid(kind: str, seed: int) -> Solid:
 
 
 def _large(made: Body) -> NDArray[np.int32]:
-    """Faces of a body without its small parts: the hull of a slab with an antenna would be a tent."""
+    """Faces of a body without its small parts, because an antenna would make the hull of its slab a tent."""
     a, b, c = (made.vertices[made.faces[:, i]] for i in range(3))
     areas = np.bincount(made.parts, 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
     return made.faces[areas[made.parts] > _SMALL_PART]
@@ -101,7 +101,7 @@ def prop_slabs(prop: Prop) -> FloatArray:
 
 
 def prop_corners(props_: Sequence[Prop]) -> FloatArray:
-    """(N, 8, 3) world corners of boxes around things; their meshes stand out of `size` a little."""
+    """(N, 8, 3) world corners of boxes around things; their meshes extend a little beyond `size`."""
     yaw = np.array([prop.yaw for prop in props_])
     size = np.array([prop.size for prop in props_])
     signs = np.array([(x, y, z) for x in (-0.7, 0.7) for y in (-1.05, 0.0) for z in (-0.7, 0.7)])
@@ -112,5 +112,5 @@ def prop_corners(props_: Sequence[Prop]) -> FloatArray:
 
 
 def opaque(prop: Prop) -> bool:
-    """Whether it hides what stands behind."""
+    """Whether a thing hides what is behind it."""
     return (prop.kind, props.variant(prop.kind, prop.seed)) not in _SEE_THROUGH

@@ -1,4 +1,4 @@
-"""Which seeds and which bodies belong to training, validation and test: ranges that cannot overlap."""
+"""Seeds and bodies of the training, validation and test splits: ranges that cannot overlap."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from groundpose.vehicles import KINDS
 
 SPLITS = ("train", "validation", "test")
 SEEDS_PER_SPLIT = 2**32
-"""Seeds 0 to this of a user are this range of seeds of a split."""
+"""Number of seeds in each split; a user's seed 0 is the first of its split."""
 
 # Bodies of a class in each split: number of the first one, and how many of cars and of the other classes.
 _FIRST_BODY = {"train": 100_000, "validation": 200_000, "test": 300_000}
@@ -35,7 +35,7 @@ def scene_seed(seed: int, split: str = "train") -> int:
 
 
 def split_of(seed: int) -> str:
-    """The split a seed of `scene()` belongs to. Raises InputError for a seed of none."""
+    """The split to which a seed of `scene()` belongs. Raises InputError for a seed of no split."""
     index = count("seed", seed) // SEEDS_PER_SPLIT
     if index >= len(SPLITS):
         raise input_error("seed", f"0 to {len(SPLITS) * SEEDS_PER_SPLIT - 1}", seed)
@@ -54,13 +54,13 @@ def bodies_of(split: str, kind: str) -> int:
 
 @lru_cache(maxsize=2048)
 def body(kind: str, seed: int) -> Body:
-    """`groundpose.lab.bodies.body`, remembered."""
+    """`groundpose.lab.bodies.body` with a cache."""
     return make_body(kind, seed)
 
 
 @lru_cache(maxsize=4096)
 def length_and_width(kind: str, seed: int) -> tuple[float, float]:
-    """Of `body(kind, seed)`, metres, without making its mesh."""
+    """Length, height, width of `body(kind, seed)`, metres, computed without its mesh."""
     _, box = outline(kind, seed)
     width, _, length = (box[1] - box[0]).tolist()
     return length, width

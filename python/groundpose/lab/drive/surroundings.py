@@ -1,4 +1,4 @@
-"""What is drawn at random around the traffic: the light of a drive and what stands beside its road."""
+"""Random surroundings of the traffic: the light of a drive and the things beside its road."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ Generator = np.random.Generator
 
 
 def light(rng: Generator, split: str = "train") -> Light:
-    """Draw a light; the sky is one of the split's own.
+    """Draw a light; its sky is one of the split's.
 
     Raises:
         InputError: an unknown split.
     """
     if split not in SKIES:
         raise input_error("split", f"one of {', '.join(SKIES)}", repr(split))
-    names, shares = list(KINDS), np.array([kind.share for kind in KINDS.values()])
-    name = names[rng.choice(len(names), p=shares / shares.sum())]
+    names, fractions = list(KINDS), np.array([kind.fraction for kind in KINDS.values()])
+    name = names[rng.choice(len(names), p=fractions / fractions.sum())]
     kind = KINDS[name]
     usable = [i for i in skies(split) if environments()[i].name in (kind.skies or DAY)] or list(skies(split))
     elevation, azimuth = np.radians(rng.uniform(*kind.elevation)), rng.uniform(-np.pi, np.pi)
-    if name == "glare":  # the sun stands ahead
+    if name == "glare":  # the sun is ahead
         azimuth = rng.normal(0.0, 0.45)
     flat = np.cos(elevation)
     return Light(
@@ -44,10 +44,10 @@ def light(rng: Generator, split: str = "train") -> Light:
 
 @dataclass(frozen=True)
 class Frontage:
-    """What stands along a stretch of one side: `line` at the edge of the property, `behind` it.
+    """The things along a section of one side: `line` at the edge of the property, `behind` farther away.
 
-    line, behind: kinds of things, None for nothing; setback: metres from the pavement to what is behind;
-    height, depth: of what is behind (a house, trees).
+    line, behind: kinds of things, None for nothing; setback: metres from the pavement to the things behind;
+    height, depth: of the things behind (a house, trees).
     """
 
     line: str | None
@@ -69,7 +69,7 @@ BARRIER = Frontage("barrier", "tree", (3.0, 8.0), (6.0, 14.0))
 HALL = Frontage("fence", "building", (6.0, 16.0), (5.0, 9.0), (15.0, 25.0))
 OPEN = Frontage(None, None)
 
-# By kind of road: frontages with their shares.
+# By kind of road: frontages and their weights.
 FRONTAGES: dict[str, tuple[tuple[Frontage, float], ...]] = {
     "street": (
         (HOUSES, 5),
@@ -95,7 +95,7 @@ FRONTAGES: dict[str, tuple[tuple[Frontage, float], ...]] = {
     "motorway": ((BARRIER, 2), (GREEN, 4), (WOOD, 2), (OPEN, 3)),
     "yard": ((HALL, 4), (HEDGED, 2), (TOWN, 1), (FENCED, 1), (GREEN, 2)),
 }
-# Things in a row on the edge of the pavement: mean distance in metres, 0 = none; chance that a side has them.
+# Things in a row on the edge of the pavement: mean distance in metres (0 = none); probability for each side.
 ROWS: dict[str, tuple[tuple[str, float, float], ...]] = {
     "street": (
         ("tree", 11.0, 0.4),
@@ -109,9 +109,9 @@ ROWS: dict[str, tuple[tuple[str, float, float], ...]] = {
     "motorway": (("pole", 45.0, 0.5), ("sign", 80.0, 0.8), ("bush", 14.0, 0.5), ("bollard", 40.0, 0.7)),
     "yard": (("pole", 25.0, 0.7), ("bush", 12.0, 0.4), ("bin", 30.0, 0.3)),
 }
-PEOPLE = {"street": 0.035, "avenue": 0.03, "yard": 0.01}  # a metre of one side
+PEOPLE = {"street": 0.035, "avenue": 0.03, "yard": 0.01}  # per metre of one side
 
-RAILS = {"motorway": 0.7, "country": 0.2}  # chance of a crash barrier on one side
+RAILS = {"motorway": 0.7, "country": 0.2}  # probability of a crash barrier on one side
 
 # Sizes (width, height, length) in metres: low and high.
 _SIZES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]] = {
@@ -125,11 +125,11 @@ _SIZES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, f
     "cyclist": ((1.75, 1.85), (1.6, 1.85), (1.75, 1.85)),
     "traffic_light": ((3.2, 3.2), (3.2, 3.8), (3.2, 3.2)),
 }
-_SUNK = 0.3  # metres that things reach into the ground, which may slope under them
+_SUNK = 0.3  # depth of things in the ground, metres, because the ground may slope under them
 
 
 def props(road: Road, rng: Generator) -> tuple[Prop, ...]:
-    """Draw what stands beside a road: fronts of houses, walls, hedges, trees, poles, signs, people."""
+    """Draw the things beside a road: house fronts, walls, hedges, trees, poles, signs, people."""
     out: list[Prop] = []
     for side in (-1, 1):
         edge = road.layout.edge(side)
@@ -150,9 +150,9 @@ def props(road: Road, rng: Generator) -> tuple[Prop, ...]:
 
 
 def _fronts(road: Road, rng: Generator, side: int, back: float) -> list[Prop]:
-    """Stretches of frontage one after the other; streets keep their character."""
-    choices, shares = zip(*FRONTAGES[road.layout.kind], strict=True)
-    weights = np.array(shares) * rng.gamma(0.6, size=len(shares))
+    """Successive sections of frontage; their weights are drawn once per street."""
+    choices, fractions = zip(*FRONTAGES[road.layout.kind], strict=True)
+    weights = np.array(fractions) * rng.gamma(0.6, size=len(fractions))
     out: list[Prop] = []
     s = road.start
     while s < road.end:
@@ -175,7 +175,7 @@ def _crossed(road: Road, s: float, reach: float) -> bool:
 
 
 def _line(road: Road, rng: Generator, kind: str, start: float, length: float, d: float) -> list[Prop]:
-    """A hedge, wall or fence in pieces that follow the road; or trees and bushes one by one."""
+    """A hedge, wall or fence in pieces that follow the road, or single trees and bushes."""
     if kind in ("tree", "bush"):
         n = rng.poisson(length / (5.0 if kind == "tree" else 2.0))
         places = (start + length * rng.random(n)).tolist()
@@ -211,7 +211,7 @@ def _behind(
 
 
 def _row(road: Road, rng: Generator, side: int, kind: str, distance: float, edge: float) -> list[Prop]:
-    """The same thing again and again near the edge of the road."""
+    """The same thing repeated near the edge of the road."""
     d = side * (edge + (0.7 if road.layout.kerb else 1.8))
     gaps = distance * np.maximum(
         0.3, rng.normal(1.0, 0.25, size=int((road.end - road.start) / (0.6 * distance)) + 1)
@@ -220,7 +220,7 @@ def _row(road: Road, rng: Generator, side: int, kind: str, distance: float, edge
     kept = [float(s) for s in places if s < road.end and not _crossed(road, float(s), 1.5)]
     turn = {"sign": 0.0 if side > 0 else np.pi, "pole": np.pi if side > 0 else 0.0}.get(kind)
     out = [_thing(road, rng, kind, s, d + side * rng.uniform(0.0, 0.4), turn) for s in kept]
-    if kind in ("tree", "pole", "bollard") and out:  # one make for the whole row
+    if kind in ("tree", "pole", "bollard") and out:  # the same variant for the whole row
         alike = out[0]
         out = [replace(p, seed=alike.seed, size=alike.size * rng.uniform(0.9, 1.1)) for p in out]
     return out
@@ -242,7 +242,7 @@ def _people(road: Road, rng: Generator, side: int, edge: float) -> list[Prop]:
 
 
 def _rails(road: Road, side: int, d: float) -> list[Prop]:
-    """A crash barrier in lengths of 4 m, its beam towards the road."""
+    """A crash barrier in pieces of 4 m, its beam towards the road."""
     places = np.arange(road.start + 2.0, road.end, 4.0)
     turn = 0.0 if side > 0 else np.pi
     return [_placed(road, "rail", 0, s, side * d, turn, (0.35, 0.75, 4.02)) for s in places.tolist()]
@@ -271,7 +271,7 @@ def _placed(
     size: tuple[float, ...],
     sunk: float = _SUNK,
 ) -> Prop:
-    """A prop on the ground, turned against the direction of the road."""
+    """A prop on the ground, rotated relative to the direction of the road."""
     position = road.world(s, d, road.lift(np.array([s]), np.array([d])))[0] + [0.0, sunk, 0.0]
     filled = np.add(size, [0.0, sunk, 0.0])
     return Prop(kind, seed, position, float(road.heading_at(s)[0] + turn), filled)

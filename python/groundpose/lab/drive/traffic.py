@@ -17,16 +17,16 @@ from groundpose.lab.drive.splits import length_and_width, random_body
 from groundpose.vehicles import KINDS
 
 AHEAD, BEHIND = 110.0, 14.0
-"""Metres along the road before and behind the camera in which there is traffic."""
+"""Lengths of road ahead of and behind the camera with traffic, metres."""
 
 DEFAULT_SHARES = {"car": 0.60, "van_bus": 0.15, "pickup": 0.11, "box_truck": 0.14}
-"""How often a vehicle of each class is drawn."""
+"""Relative frequency of each class of vehicle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Actor:
-    """A vehicle over a drive: `s`, `d` and `angle` to the road (positive to the right), one value a frame.
-    `sight` is the distance in metres beyond which it is not there yet."""
+    """A vehicle over a drive: `s`, `d` and `angle` to the road (positive to the right), one value per frame.
+    `sight` is the distance in metres beyond which it does not appear."""
 
     kind: str
     seed: int
@@ -42,14 +42,14 @@ class Actor:
 
 @dataclass(frozen=True)
 class Kinds:
-    """Draws vehicles of a split by the shares of the classes."""
+    """Draws vehicles of a split with the frequencies of the classes."""
 
     rng: np.random.Generator
     split: str
     shares: Mapping[str, float]
 
     def draw(self, longest: float = math.inf, widest: float = math.inf) -> tuple[str, int, float, float]:
-        """Class, seed, length and width of a vehicle that is at most so long and wide."""
+        """Class, seed, length and width of a vehicle that is at most this long and wide."""
         names, weights = list(self.shares), np.array(list(self.shares.values()))
         kind = names[int(self.rng.choice(len(names), p=weights / weights.sum()))]
         for _ in range(8):
@@ -63,7 +63,7 @@ class Kinds:
 def traffic(
     rng: np.random.Generator, road: Road, ego: Ego, split: str, shares: Mapping[str, float]
 ) -> tuple[Actor, ...]:
-    """All vehicles of a drive, in the order of right of way: where two meet, the later one gives way."""
+    """All vehicles of a drive in order of priority: where two would overlap, the later one is omitted."""
     maker = _Maker(rng, road, ego, Kinds(rng, split, shares))
     parked = [actor for row in road.layout.parking for actor in maker.row(row)]
     cross = list(maker.junction(road.junction)) if road.junction is not None else []
@@ -104,7 +104,7 @@ class _Maker:
         )
 
     def row(self, row: Parking) -> Iterator[Actor]:
-        """Vehicles parked in a row: parallel ones along their kerb, others nose or tail to it."""
+        """Vehicles parked in a row: parallel to the kerb, or with the front or the rear to it."""
         rng, edge = self.rng, self.road.layout.edge(row.side)
         place = float(self.ego.s[0]) - BEHIND - rng.uniform(0.0, row.pitch)
         end = float(self.ego.s[-1]) + AHEAD
@@ -137,7 +137,7 @@ class _Maker:
         return junction is not None and abs(s - junction.s) < junction.half_width + margin
 
     def stream(self, lane: Lane, own: bool) -> Iterator[Actor]:
-        """Vehicles that follow each other in a lane; those in the camera's own lane do as it does."""
+        """Vehicles that follow each other in a lane; those in the camera's lane move as the camera does."""
         rng, ego = self.rng, self.ego
         frames = len(ego.s)
         t = FRAME_INTERVAL * np.arange(frames, dtype=np.float64)
@@ -212,7 +212,7 @@ class _Maker:
         return _rounded(before, corner, after, rng.uniform(4.5, 8.0))
 
     def _along(self, path: FloatArray, state: str, speed: float) -> Actor:
-        """A vehicle that passes the middle of its path in a random frame of the drive."""
+        """A vehicle that reaches the middle of its path in a random frame of the drive."""
         chosen = self.kinds.draw(widest=2.6)
         lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
         t = np.arange(len(self.ego.s)) * FRAME_INTERVAL
@@ -240,11 +240,11 @@ def _rounded(before: FloatArray, corner: FloatArray, after: FloatArray, radius: 
 
 
 def check_shares(shares: Mapping[str, float]) -> None:
-    """Raises InputError for an unknown class, a negative share, or none above zero."""
-    for kind, share in shares.items():
+    """Raises InputError for an unknown class, a negative fraction, or no fraction above zero."""
+    for kind, fraction in shares.items():
         if kind not in KINDS:
-            raise input_error("class shares", f"classes {', '.join(KINDS)}", repr(kind))
-        if not (math.isfinite(number("class shares", share)) and share >= 0.0):
-            raise input_error("class shares", f"a number from 0 for {kind}", share)
+            raise input_error("class fractions", f"classes {', '.join(KINDS)}", repr(kind))
+        if not (math.isfinite(number("class fractions", fraction)) and fraction >= 0.0):
+            raise input_error("class fractions", f"a number from 0 for {kind}", fraction)
     if not sum(shares.values()) > 0.0:
-        raise input_error("class shares", "one above zero", dict(shares))
+        raise input_error("class fractions", "at least one above zero", dict(shares))

@@ -1,4 +1,4 @@
-"""What the camera sees of each solid of a scene, and which solid stands before which."""
+"""The view of each solid of a scene from the camera, and which solids are in front of which."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from groundpose.lab.drive.silhouette import NEAR, outline, project
 from groundpose.lab.drive.solids import Solid, opaque, prop_corners, prop_slabs, solid
 from groundpose.types import Camera
 
-# Smallest side of a box in the image that makes a label, pixels.
+# Smallest side of a labelled box in the image, pixels.
 _LEAST_PX = 6.0
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """A solid as the camera sees it: `row` among vehicles and things, box (4,) beyond the image border,
+    """A solid seen from the camera: `row` among vehicles and things, box (4,) not cut at the image border,
     outline, footprint `(origin, heading, box)`; `target` is None for things beside the road."""
 
     row: int
@@ -33,7 +33,7 @@ class Sight:
 
     @property
     def length(self) -> float:
-        """Of the footprint's longer side, metres."""
+        """Length of the footprint's longer side, metres."""
         return float((self.footprint[2][1] - self.footprint[2][0]).max())
 
 
@@ -50,7 +50,7 @@ class Target:
 
     @cached_property
     def front_faces(self) -> tuple[NDArray[np.intp], FloatArray]:
-        """The faces (F, 3) that look at the camera and their boxes (4, F) in the image."""
+        """The faces (F, 3) turned to the camera and their boxes (4, F) in the image."""
         faces = self.solid.facing(-self.R.T @ self.t)
         if self.depth.min() < NEAR:
             faces = faces[(self.depth[faces] >= NEAR).all(axis=1)]
@@ -99,8 +99,8 @@ def _extent(camera: Camera, points: FloatArray, faces: NDArray[np.intp]) -> Floa
         edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         crossing = edges[front[edges[:, 0]] != front[edges[:, 1]]]
         a, b = points[crossing[:, 0]], points[crossing[:, 1]]
-        share = (NEAR - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
-        points = np.concatenate([points[front], a + share * (b - a)])
+        fraction = (NEAR - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
+        points = np.concatenate([points[front], a + fraction * (b - a)])
     pixels = project(camera, points)
     return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
 
@@ -119,7 +119,7 @@ def clipped(camera: Camera, box: FloatArray) -> FloatArray:
 
 
 def things(scene: Scene, seen: list[Sight]) -> list[Sight]:
-    """What beside the road may hide a vehicle."""
+    """The things beside the road that may hide a vehicle."""
     if not scene.props:
         return []
     R, t = scene.R_camera_from_world, scene.t_camera_from_world
@@ -128,7 +128,7 @@ def things(scene: Scene, seen: list[Sight]) -> list[Sight]:
     with np.errstate(divide="ignore", invalid="ignore"):
         pixels = project(scene.camera, corners)
     low, high = pixels.min(axis=1), pixels.max(axis=1)
-    cut = depth.min(axis=1) < NEAR  # its box is not known yet
+    cut = depth.min(axis=1) < NEAR  # its box cannot be projected directly
     low[cut], high[cut] = -np.inf, np.inf
     boxes = np.array([clipped(scene.camera, sight.box) for sight in seen])
     farthest = np.array([sight.target.depth.max() for sight in seen if sight.target is not None])
@@ -147,8 +147,8 @@ def things(scene: Scene, seen: list[Sight]) -> list[Sight]:
 
 
 class Order:
-    """Which of two solids stands before the other: their footprints do not overlap, so along a ray from the
-    camera through what they share in the image one is entered first."""
+    """Which of two solids is in front of the other: their footprints do not overlap, so a ray from the camera
+    through their common part in the image enters one of them first."""
 
     def __init__(self, scene: Scene, views: list[Sight]) -> None:
         """Compare every vehicle of `views` with all."""
@@ -184,8 +184,8 @@ class Order:
         return meets
 
     def _entry(self, rows: NDArray[np.intp], directions: FloatArray) -> FloatArray:
-        """Distance at which ray n enters footprint rows[n]; one that misses it (mirrors stand out of it) is
-        judged by the distance of its middle."""
+        """Distance at which ray n enters footprint rows[n]. A ray that misses it (mirrors extend beyond) gets
+        the distance of its middle."""
         reached = self.footprints[rows].entry(self.position, directions)
         away = np.linalg.norm(self.footprints.middle[rows] - self.position, axis=1)
         return np.where(np.isfinite(reached), reached, away)

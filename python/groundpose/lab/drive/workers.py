@@ -1,4 +1,4 @@
-"""Makes frames of a drive, drawn or only labelled, in one process or in several, in order."""
+"""Makes frames of a drive, drawn or only labelled, in order, in one or several processes."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ _SAVE: dict[str, tuple[str, dict[str, Any]]] = {
     "png": ("PNG", {"compress_level": 2}),
     "jpg": ("JPEG", {"quality": 93, "subsampling": 0}),
 }
-# Frames handed to a process at once: few when they are drawn, so that little is lost by an interruption.
+# Frames given to a process at once: few when they are drawn, so that an interruption loses little.
 _BLOCK = {True: 4, False: FRAMES_PER_DRIVE}
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What a folder holds: seed within its split, split, number of the first frame, shares of the classes and
-    the pictures' format (None: no pictures).
+    """Contents of a folder: seed within its split, split, number of the first frame, relative frequencies of
+    the classes (`shares`) and format of the pictures (None: no pictures).
 
     Raises:
-        InputError: a value that cannot be.
+        InputError: an invalid value.
     """
 
     seed: int = 0
@@ -61,7 +61,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Frame:
-    """What a worker sends back; its picture waits under a temporary name."""
+    """The result of a worker; its picture has a temporary name."""
 
     number: int
     line: str
@@ -70,17 +70,17 @@ class Frame:
 
 
 def image_name(number: int, form: str) -> str:
-    """Of a frame's picture in the folder."""
+    """Path of a frame's picture in the folder."""
     return f"training/image_2/{number:06d}.{form}"
 
 
 def temporary(path: Path) -> Path:
-    """Name of a file that is not whole yet."""
+    """Name of an incomplete file."""
     return path.with_name(f".{path.name}.part")
 
 
 def make_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Generator[Frame, None, None]:
-    """The frames in order, made in `jobs` processes (one: in this one)."""
+    """The frames in order, made by `jobs` processes (1: by this one)."""
     size = _BLOCK[settings.images is not None]
     edges = sorted(
         {numbers.start, numbers.stop, *range(-(-numbers.start // size) * size, numbers.stop, size)}
@@ -108,12 +108,12 @@ def make_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Gen
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for child in set(active_children()) - others:
-                child.terminate()  # what they are at is not wanted any more
+                child.terminate()  # their work is no longer needed
             raise
 
 
 def _leave_interrupts() -> None:
-    """Ctrl-C reaches every process; the first one decides."""
+    """Ignore Ctrl-C in workers, because it reaches every process and the parent handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -146,7 +146,7 @@ def _draw(made: Scene, part: Path, form: str) -> None:
 
 @cache
 def _renderer() -> Any:
-    """One renderer a process. Raises InputError when its packages are not installed."""
+    """The renderer of this process. Raises InputError when its packages are not installed."""
     try:
         from groundpose.lab.drive.render import Renderer
     except ImportError as error:

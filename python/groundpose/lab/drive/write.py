@@ -1,7 +1,7 @@
-"""Writes a drive to a folder, in several processes, and goes on where an interrupted run stopped.
+"""Writes a drive to a folder, in several processes, and resumes an interrupted run.
 
-`labels.jsonl` is the record of what is done: a frame belongs to the folder when its line stands there.
-Pictures and label files are complete before they get their names, in the order of the frames.
+`labels.jsonl` records what is done: a frame belongs to the folder when its line is in that file. Pictures and
+label files are renamed into place when they are complete, in the order of the frames.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ def write_drive(
     jobs: int = 1,
     advance: Advance = lambda done, total, objects: None,
 ) -> int:
-    """Frames `settings.first` to `settings.first + frames` in folder `out`; returns the objects labelled now.
+    """Write frames `settings.first` to `settings.first + frames` to folder `out`. Existing frames stay.
 
-    Frames that are there already stay as they are.
+    Returns the number of objects labelled in this run.
 
     Raises:
-        InputError: a number that cannot be, a folder with other settings or foreign content.
-        OSError: disk full, no such folder, no permission; whole frames stay.
+        InputError: an invalid number, a folder with other settings or foreign content.
+        OSError: disk full, no such folder, no permission; complete frames stay.
     """
     if integer("frames", frames) < 1:
         raise input_error("frames", "1 or more", frames)
@@ -60,10 +60,10 @@ def write_drive(
 
 
 def _add_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Generator[int, None, None]:
-    """Make these frames and keep them; gives the number of objects of each."""
+    """Make these frames and record them; yields the number of objects of each."""
     if not numbers:
         return
-    for name in (TILT, COCO):  # of fewer frames
+    for name in (TILT, COCO):  # they describe fewer frames
         (out / name).unlink(missing_ok=True)
     calibration = format_calibration(CAMERA)
     try:
@@ -72,12 +72,12 @@ def _add_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Gen
                 _keep(out, frame, settings, calibration, append)
                 yield frame.objects
     finally:
-        for part in (out / "training").glob("*/.*.part"):  # half-written, or finished ahead of its turn
+        for part in (out / "training").glob("*/.*.part"):  # incomplete, or complete but not yet recorded
             part.unlink(missing_ok=True)
 
 
 def _open_folder(out: Path, settings: Settings) -> None:
-    """Make the folder, or check that it is one of the same settings."""
+    """Make the folder, or check that it has the same settings."""
     path = out / SETTINGS
     if path.exists():
         try:
@@ -97,7 +97,7 @@ def _open_folder(out: Path, settings: Settings) -> None:
 
 
 def _whole_frames(out: Path, settings: Settings) -> int:
-    """Frames on record; a last line cut short by a crash is taken away."""
+    """Number of recorded frames; an incomplete last line is removed."""
     path = out / LINES
     for folder in ("label_2", "calib", *(("image_2",) if settings.images else ())):
         (out / "training" / folder).mkdir(parents=True, exist_ok=True)
@@ -115,7 +115,7 @@ def _whole_frames(out: Path, settings: Settings) -> int:
 
 @contextmanager
 def _appending(path: Path) -> Iterator[Callable[[str], None]]:
-    """A writer of whole lines: when one does not fit on the disk, the file ends before it."""
+    """A writer of complete lines: a line that does not fit on the disk is removed."""
     with path.open("ab") as file:
 
         def append(line: str) -> None:
@@ -140,7 +140,7 @@ def _cut(path: Path, size: int) -> None:
 def _keep(
     out: Path, frame: Frame, settings: Settings, calibration: str, append: Callable[[str], None]
 ) -> None:
-    """Give a frame's files their names and put it on record."""
+    """Rename a frame's files into place and record the frame."""
     stem = f"{frame.number:06d}"
     _replace(out / "training" / "label_2" / f"{stem}.txt", [frame.kitti])
     _replace(out / "training" / "calib" / f"{stem}.txt", [calibration])
@@ -165,14 +165,14 @@ def _replace(path: Path, pieces: Iterable[str]) -> None:
 
 
 def read_lines(path: Path) -> Iterator[dict[str, Any]]:
-    """The frames of labels.jsonl."""
+    """The frames in labels.jsonl."""
     with path.open(encoding="utf-8") as file:
         for line in file:
             yield json.loads(line)
 
 
 def _summaries(out: Path, settings: Settings) -> None:
-    """The files over all frames."""
+    """Write the files that cover all frames."""
     header = ",".join(TILT_COLUMNS) + "\n"
     _replace(out / TILT, (header, *map(tilt_row, read_lines(out / LINES))))
     _replace(out / COCO, write_lines(read_lines(out / LINES), f".{settings.images or 'png'}"))

@@ -1,8 +1,8 @@
-"""How a crop looks, drawn anew each time: other light, other cameras, coarser and noisier pictures.
+"""Random changes to a crop, drawn anew each time: other light, other cameras, coarser and noisier pictures.
 
 Real streets are darker, softer and noisier than renders. Pictures are float tensors (3, h, w) or
-(N, 3, h, w), RGB 0 to 255. Most changes are made in place, one picture at a time: one fits into the
-processor's cache, which is worth more than batching.
+(N, 3, h, w), RGB 0 to 255. Most changes are made in place, one picture at a time: one picture fits into the
+processor's cache, which saves more time than batching does.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from torch import Tensor
 from groundpose._checks import FloatArray
 from groundpose.lab.training.configs import AugmentConfig
 
-_DARKEST, _BRIGHTEST = 0.1, 0.65  # mean brightness that changes of light leave
+_DARKEST, _BRIGHTEST = 0.1, 0.65  # limits of a picture's mean brightness after a change of light
 _GREY = np.array([0.299, 0.587, 0.114])
 
 
@@ -26,13 +26,13 @@ class Looks:
     """The changes of an `AugmentConfig` to pictures of one size."""
 
     def __init__(self, how: AugmentConfig, width: int, height: int) -> None:
-        """Pictures of `width` x `height`."""
+        """For pictures of `width` x `height`."""
         self._how, self._width, self._height = how, width, height
-        # Drawing normal numbers costs more than all else: a bank of them, used at random places.
+        # Drawing normal numbers costs more than everything else: a stored array is read at random offsets.
         self._noise = torch.randn(3, 3 * height, 3 * width, generator=torch.Generator().manual_seed(0))
 
     def __call__(self, x: Tensor, rng: np.random.Generator) -> Tensor:
-        """Changed pictures (N, 3, h, w), whole numbers 0 to 255. `x` is used up."""
+        """Changed pictures (N, 3, h, w), whole numbers 0 to 255. `x` is overwritten."""
         how, n = self._how, len(x)
         for i in _some(rng, n, how.resolution):
             _coarser(x[i], float(np.exp(rng.uniform(np.log(how.coarsest), 0.0))))
@@ -53,15 +53,15 @@ class Looks:
 
 
 def _some(rng: np.random.Generator, n: int, chance: float) -> list[int]:
-    """Which of `n` are chosen."""
+    """Indices of those of `n` that are chosen."""
     chosen: NDArray[np.intp] = np.flatnonzero(rng.random(n) < chance)
     return chosen.tolist()
 
 
-def _coarser(x: Tensor, share: float) -> None:
-    """A picture as of fewer pixels: down by averaging, up by interpolation, in place."""
+def _coarser(x: Tensor, fraction: float) -> None:
+    """Reduce a picture's resolution in place: down by averaging, up again by interpolation."""
     height, width = x.shape[1:]
-    rows, columns = max(4, round(height * share)), max(4, round(width * share))
+    rows, columns = max(4, round(height * fraction)), max(4, round(width * fraction))
     small = _scaling(height, rows) @ x @ _scaling(width, columns).T
     torch.matmul(_scaling(rows, height) @ small, _scaling(columns, width).T, out=x)
 
@@ -74,9 +74,9 @@ def _shade(height: int, width: int, rng: np.random.Generator) -> Tensor:
 
 @cache
 def _scaling(old: int, new: int) -> Tensor:
-    """(new, old): resampling with a triangle filter that is as wide as the coarser pixels, as a matrix.
+    """Matrix (new, old) that resamples with a triangle filter as wide as the coarser pixels.
 
-    Two multiplications scale a picture faster than torch's own functions do.
+    Two matrix products scale a picture faster than torch's own functions do.
     """
     ratio = old / new
     centres = (np.arange(new) + 0.5) * ratio - 0.5
@@ -85,7 +85,7 @@ def _scaling(old: int, new: int) -> Tensor:
 
 
 def _sharper(x: Tensor, amount: float) -> None:
-    """Halos of a camera's sharpening, or a little blur for a negative amount, in place."""
+    """Sharpen in place, with halos as a camera makes them; a negative amount blurs a little."""
     rows = x[:, :-2] + x[:, 2:]
     rows.add_(x[:, 1:-1], alpha=2.0)
     soft = rows[:, :, :-2] + rows[:, :, 2:]
@@ -100,8 +100,8 @@ def _tones(
     """Gamma (N,), colour matrix (N, 3, 3), offset (N, 3) of `matrix @ (value / 255) ** gamma + offset`, for
     pictures of a mean brightness (N,), 0 to 1.
 
-    Gamma, darkening, blown-out lights, contrast, a veil of coloured haze, desaturation, white balance: what
-    halved the error on real streets. A picture stays between bounds where a person still sees the vehicle.
+    Gamma, darkening, overexposure, contrast, coloured haze, desaturation, white balance. These changes halved
+    the error on real streets. Bounds on the brightness keep the vehicle visible.
     """
     n = len(brightness)
     gamma = np.exp(strength * rng.uniform(np.log(0.5), np.log(2.1), n))
@@ -118,7 +118,7 @@ def _tones(
     haze = rng.uniform(0.4, 1.0, (n, 1)) * np.exp(rng.normal(0.0, 0.05, (n, 3)))
     matrix = saturation[:, None, None] * np.eye(3) + (1.0 - saturation)[:, None, None] * _GREY
     matrix *= (gain * contrast * (1.0 - veil))[:, None, None] * balance[:, :, None]
-    # contrast turns about the picture's own grey
+    # contrast changes about the picture's own mean
     offset = (now * gain * (1.0 - contrast) * (1.0 - veil))[:, None] + veil[:, None] * haze
     return _tensor(gamma), _tensor(255.0 * matrix), _tensor(255.0 * offset)
 

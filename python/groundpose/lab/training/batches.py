@@ -1,4 +1,4 @@
-"""From stored crops to batches: where a crop is cut, and how, drawn anew each time."""
+"""Batches from stored crops: the cut and the changes of each crop are drawn anew each time."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from groundpose.lab.training.crops import Records
 from groundpose.vehicles.keypoints import flip_indices
 
 _CHUNK = 8
-"""Pictures made at a time: as many as the processor's cache holds."""
+"""Number of pictures made at a time: as many as the processor's cache holds."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """What a network learns from.
+    """A batch of training crops and their labels.
 
     Attributes:
         crops: (N, 3, height, width) float, RGB, whole numbers 0 to 255.
         keypoints: (N, 53, 2) crop pixels, NaN = not a keypoint of the class.
         state: (N, 53) as in the records.
         kind: (N,) index of the class.
-        windows: (N, 4) image pixels that the crops show (before turning and mirroring).
+        windows: (N, 4) image pixels that the crops show (before rotation and mirroring).
         labels: (N,) the records.
     """
 
@@ -42,7 +42,7 @@ class Batch:
     labels: Records
 
     def pictures(self) -> ByteArray:
-        """The crops as inference gives them to a network, (N, height, width, 3)."""
+        """The crops in the layout used for inference, (N, height, width, 3)."""
         return np.ascontiguousarray(self.crops.permute(0, 2, 3, 1).byte().numpy())
 
 
@@ -50,7 +50,7 @@ class Batcher:
     """Makes batches for one size of crop from crops stored with another."""
 
     def __init__(self, codec: Codec, stored: Codec, augment: AugmentConfig | None = None) -> None:
-        """`augment` None: the boxes of the labels and the pictures as they are."""
+        """`augment` None: the boxes of the labels and the stored pictures, unchanged."""
         self.codec, self.stored, self.augment = codec, stored, augment
         self._looks = None if augment is None else Looks(augment, codec.width, codec.height)
         self._flip = flip_indices()
@@ -83,10 +83,10 @@ class Batcher:
     def _keypoints(
         self, labels: Records, windows: FloatArray, turn: FloatArray, flip: NDArray[np.bool_]
     ) -> tuple[FloatArray, NDArray[np.uint8]]:
-        """Keypoints in crop pixels and states, partners exchanged in mirrored crops."""
+        """Keypoints in crop pixels and their states; left and right are exchanged in mirrored crops."""
         straight = self.codec.crop_from_image(labels["keypoints"].astype(np.float64), windows)
         middle = 0.5 * (self.codec.size - 1.0)
-        # `turn` maps an offset in the crop to one before turning; it is orthogonal
+        # `turn` maps an offset in the crop to the offset before rotation; it is orthogonal
         keypoints = np.einsum("nji,npj->npi", turn, straight - middle) + middle
         state = labels["state"].copy()
         keypoints[flip] = keypoints[flip][:, self._flip]
@@ -101,7 +101,7 @@ class Batcher:
         turn: FloatArray,
         rng: np.random.Generator,
     ) -> Tensor:
-        """Crops (N, 3, height, width) cut and changed; `FILL` where they show nothing of the image."""
+        """Crops (N, 3, height, width), cut and changed; `FILL` where they lie outside the image."""
         grid, reach = self._grid(labels, windows, turn)
         stored = torch.from_numpy(images).float()
         crops = functional.grid_sample(stored, grid, "bilinear", "border", align_corners=False)
@@ -116,8 +116,8 @@ class Batcher:
         return crops
 
     def _grid(self, labels: Records, windows: FloatArray, turn: FloatArray) -> tuple[Tensor, FloatArray]:
-        """Where the crops' pixels are in the stored pictures, (N, height, width, 2) in torch's count, and
-        the largest such numbers (N, 2)."""
+        """Places of the crops' pixels in the stored pictures, (N, height, width, 2) in torch's coordinates,
+        and the largest coordinates (N, 2)."""
         codec, stored = self.codec, self.stored
         size, middle = codec.size - 1.0, 0.5 * (codec.size - 1.0)
         corners = size * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
@@ -130,7 +130,7 @@ class Batcher:
         return torch.addcmul(first + (down - first) * y, right - first, x), np.abs(places).max(axis=1)
 
     def _borders(self, labels: Records) -> tuple[FloatArray, FloatArray]:
-        """The image's first and last corner (N, 2) in the stored pictures, in torch's count."""
+        """The image's first and last corner (N, 2) in the stored pictures, in torch's coordinates."""
         size = labels["image_size"].astype(np.float64)
         corners = np.stack([np.full_like(size, -0.5), size - 0.5], axis=1)
         places = _torch_places(self.stored.crop_from_image(corners, labels["window"]), self.stored)
@@ -138,12 +138,12 @@ class Batcher:
 
 
 def _torch_places(pixels: FloatArray, stored: Codec) -> FloatArray:
-    """Pixels of a stored crop counted from -1 to 1 between its outer sides, as `grid_sample` does."""
+    """Pixels of a stored crop in the coordinates of `grid_sample`: -1 to 1 between its outer sides."""
     return np.asarray((2.0 * pixels + 1.0) / stored.size - 1.0)
 
 
 def _moved(boxes: FloatArray, how: AugmentConfig, rng: np.random.Generator) -> FloatArray:
-    """Boxes as a detector gives them: each side a little off, some boxes far off."""
+    """Boxes with the errors of a detector: a small one on each side, a large one on some boxes."""
     n = len(boxes)
     sides = boxes[:, 2:] - boxes[:, :2]
     amount = np.where(rng.random(n) < how.heavy_chance, how.box_noise_heavy, how.box_noise)
@@ -152,7 +152,7 @@ def _moved(boxes: FloatArray, how: AugmentConfig, rng: np.random.Generator) -> F
 
 
 def _turns(angles: FloatArray, flip: NDArray[np.bool_]) -> FloatArray:
-    """(N, 2, 2): offsets from a crop's middle before turning and mirroring, from those after."""
+    """(N, 2, 2) matrices from offsets in a crop to those before rotation and mirroring."""
     c, s = np.cos(angles), np.sin(angles)
     sign = np.where(flip, -1.0, 1.0)
     return np.stack([np.stack([c * sign, -s], axis=1), np.stack([s * sign, c], axis=1)], axis=1)

@@ -1,4 +1,4 @@
-"""The networks and the ways to train them, as tables: a configuration is a row."""
+"""Tables of networks and training configurations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from groundpose._checks import input_error
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """A network: stem, residual stages at strides 4 to 32, a head for heat maps, one for the class.
+    """A network: stem, residual stages at strides 4 to 32, one head for heat maps and one for the class.
 
     Args:
         width, height: pixels of a crop.
@@ -19,8 +19,8 @@ class NetworkConfig:
         bottleneck: whether blocks are 1 x 1, 3 x 3, 1 x 1 (ResNet-50) or two 3 x 3.
         head: "deconv" (4 x 4 transposed convolutions at stride 2) or "fpn".
         head_widths: channels of each transposed convolution; of the pyramid's levels for "fpn".
-        reach: how far from its highest cell a map is read, as a share of the crop's width.
-        gmac: billions of multiply-adds the paper states, None: not of the paper.
+        reach: radius around a map's highest cell within which it is read, as a fraction of the crop's width.
+        gmac: billions of multiply-adds stated by the paper; None: not one of the paper's networks.
     """
 
     width: int = 128
@@ -39,7 +39,7 @@ _RES10 = NetworkConfig(stem="imagenet", widths=(64, 128, 256, 512), head="deconv
 _RES50 = replace(_RES10, blocks=(3, 4, 6, 3), bottleneck=True, head_widths=(256, 256, 256))
 
 NETWORKS: dict[str, NetworkConfig] = {
-    # the paper's four (sec. 4.2.2, table 1); it gives no widths of the deconvolutions: chosen for its GMAC
+    # the paper's four (sec. 4.2.2, table 1); the widths of the deconvolutions are chosen to match its GMAC
     "res50-256x192": replace(_RES50, width=256, height=192, gmac=5.45),
     "res10-256x192": replace(_RES10, width=256, height=192, head_widths=(512, 256, 128, 64), gmac=2.32),
     "res50-128x96": replace(_RES50, gmac=1.36),
@@ -51,7 +51,7 @@ NETWORKS: dict[str, NetworkConfig] = {
     "lite48": NetworkConfig(widths=(48, 96, 192, 384)),
     "lite48-256x192": NetworkConfig(width=256, height=192, widths=(48, 96, 192, 384)),
     "res10-fpn": replace(_RES10, head="fpn"),
-    # of a few hundred steps the means of whole maps come out right before their peaks do
+    # after a few hundred steps the means of whole maps are right, their peaks not yet
     "toy": NetworkConfig(widths=(12, 24, 32, 48), head_widths=(24,), reach=1.0),
 }
 """By name."""
@@ -59,19 +59,19 @@ NETWORKS: dict[str, NetworkConfig] = {
 
 @dataclass(frozen=True)
 class AugmentConfig:
-    """How far a crop is changed, each time anew. Shares are of the box, chances of the crops.
+    """Random changes to a crop. Fractions refer to the box, probabilities to the crops.
 
     Args:
-        box_noise: standard deviation of each side of the box, as a share of the box's sides.
-        box_noise_heavy, heavy_chance: the same for the crops whose box is far off (detectors' tails).
+        box_noise: standard deviation of each side of the box, as a fraction of the box's sides.
+        box_noise_heavy, heavy_chance: the same for crops with a large box error, and their probability.
         rotation_deg: standard deviation of a rotation about the crop's middle.
-        flip: chance of a mirror image, left and right keypoints exchanged.
+        flip: probability of a mirror image, with left and right keypoints exchanged.
         tone: strength of gamma, darkening, contrast, veil, colour; 1 is the strong recipe, 0 none.
-        resolution: chance that a crop is shown as coarse as a distant vehicle would be (down and up again).
-        coarsest: the coarsest factor of that.
-        sharpen: chance of sharpening halos.
-        noise: chance of sensor noise.
-        shade: chance of an uneven light over the crop (shadows of trees, glare).
+        resolution: probability of reducing a crop to the resolution of a distant vehicle and enlarging it.
+        coarsest: smallest scale factor of that reduction.
+        sharpen: probability of sharpening with halos.
+        noise: probability of sensor noise.
+        shade: probability of uneven light over the crop (shadows of trees, glare).
     """
 
     box_noise: float = 0.03
@@ -97,7 +97,7 @@ PLAIN = AugmentConfig(
     noise=0.0,
     shade=0.0,
 )
-"""Mirror images, a little shift and colour: the paper says nothing of more."""
+"""Mirror images, small shifts and small changes of colour; the paper mentions no others."""
 
 
 @dataclass(frozen=True)
@@ -106,13 +106,13 @@ class TrainConfig:
 
     Args:
         epochs: passes over the training crops.
-        batch: crops a step.
+        batch: crops per step.
         optimizer: "adam" (weight decay in the gradient, as the paper's) or "adamw".
-        schedule: "cosine" (after a linear warm-up of 2 %) or "steps" (a tenth after 2/3 and 8/9 of the run).
+        schedule: "cosine" (after a 2 % linear warm-up) or "steps" (divided by 10 at 2/3 and 8/9 of the run).
         learning_rate, weight_decay: of the optimizer.
-        sigma_cells: standard deviation of the Gaussian that heat maps are compared with, cells.
+        sigma_cells: standard deviation of the target Gaussian of heat maps, cells.
         cross_entropy, distance, classes: weights of the three losses.
-        hidden_weight: weight of a keypoint that the vehicle itself or another one hides; visible ones have 1.
+        hidden_weight: weight of a keypoint hidden by the vehicle itself or by another; visible ones have 1.
         bf16: bfloat16 arithmetic where the CPU has avx512_bf16.
         seed: of weights, order and changes of crops.
     """
@@ -153,18 +153,18 @@ CONFIGS: dict[str, TrainConfig] = {
     **{name: TrainConfig(name) for name in NETWORKS if name != "toy"},
     "smoke": TrainConfig("toy", epochs=15, batch=16, learning_rate=5e-3, augment=PLAIN, bf16=False),
 }
-"""By name: the networks with our recipe, the paper's four with the paper's, and one of seconds for tests."""
+"""By name: the networks with our recipe, the paper's four with its recipe, and a tiny one for tests."""
 
 
 def train_config(name: str) -> TrainConfig:
-    """The row `name` of `CONFIGS`. Raises InputError naming the rows there are."""
+    """The row `name` of `CONFIGS`. Raises InputError that lists the rows."""
     if name not in CONFIGS:
         raise input_error("config", f"one of {', '.join(CONFIGS)}", repr(name))
     return CONFIGS[name]
 
 
 def changed(config: TrainConfig, **changes: object) -> TrainConfig:
-    """The row with other values; names of `AugmentConfig` are meant for its `augment`."""
+    """The row with other values; names of `AugmentConfig` change its `augment`."""
     inner = {
         name: value for name, value in changes.items() if name in {f.name for f in fields(AugmentConfig)}
     }

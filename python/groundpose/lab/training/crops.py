@@ -1,10 +1,10 @@
 """Training crops on disk: numbered shards of two memory-mapped arrays each, and one index.
 
-A stored crop shows more than a network will see, so that boxes can be moved, turned and mirrored anew each
-time it is used. `FOLDER/index.json` says how the crops were made; `SPLIT-00007-images.npy` holds
+A stored crop shows more than a network sees, so that the box can be moved, rotated and mirrored anew each
+time the crop is used. `FOLDER/index.json` says how the crops were made; `SPLIT-00007-images.npy` holds
 (N, 3, height, width) bytes and `SPLIT-00007-labels.npy` N records of `LABEL`. The labels are written last and
-every file is renamed into place when it is complete: a shard with labels is done, and a writer that was
-stopped goes on with the shards that are not there yet.
+every file is renamed into place when it is complete. A shard with labels is therefore done, and a writer that
+was stopped continues with the missing shards.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, keypoint_indices
 
 VERSION = 1
 STORED = Codec(160, 120, margin=0.5 * (1.25 * (1.0 + 2.0 * MARGIN) - 1.0))
-"""Crops as they are stored: 1.25 times the window of a network's crop, at the pixel size of 128 x 96."""
+"""Codec of stored crops: 1.25 times the window of a network's crop, at the pixel size of 128 x 96."""
 
 LABEL = np.dtype(
     [
         ("keypoints", "<f4", (len(KEYPOINTS), 2)),  # image pixels, NaN = not a keypoint of this class
         ("state", "u1", (len(KEYPOINTS),)),  # OUTSIDE, HIDDEN or VISIBLE of `groundpose.lab.drive`
         ("kind", "u1"),  # index into KINDS
-        ("box", "<f4", (4,)),  # left, top, right, bottom, image pixels, as a detector would see it
-        ("window", "<f8", (4,)),  # what the stored crop shows, image pixels
-        ("image_size", "<i4", (2,)),  # width, height: beyond it a crop has no picture
+        ("box", "<f4", (4,)),  # left, top, right, bottom, image pixels, cut as a detector's
+        ("window", "<f8", (4,)),  # part of the image in the stored crop, image pixels
+        ("image_size", "<i4", (2,)),  # width, height; a crop has no picture outside the image
         ("frame", "<i8"),
-        ("object", "<i4"),  # frame and object number in the source: find the scene again
-        ("occluded", "<f4"),  # share hidden by others, 0 to 1
+        ("object", "<i4"),  # frame and object number in the source, to find the scene
+        ("occluded", "<f4"),  # fraction hidden by others, 0 to 1
     ]
 )
 
@@ -56,10 +56,10 @@ class Sample:
 
 
 class Source(Protocol):
-    """Where samples come from; a module-level function, because worker processes import it."""
+    """A source of samples; a module-level function, because worker processes import it."""
 
     def __call__(self, seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
-        """Samples of `count` frames from number `first`; depends on the arguments alone."""
+        """Samples of `count` frames from number `first`; they depend on the arguments alone."""
 
 
 def record(
@@ -98,15 +98,15 @@ def write_crops(
     jobs: int = 1,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> int:
-    """Write the shards of `frames` frames that are not there yet; the number of shards written.
+    """Write the missing shards of `frames` frames; returns the number of shards written.
 
     Args:
-        folder: made when missing; an index of other crops there is refused.
+        folder: made if missing; a folder with other crops is refused.
         source: makes the samples; the shards are the same for any number of `jobs` (processes).
         advance: called with (shards done, shards in all).
 
     Raises:
-        InputError: a folder of crops made in another way.
+        InputError: the folder holds crops made with other settings.
     """
     _write_index(folder, source, seed, frames_per_shard, codec)
     starts = range(first, first + frames, frames_per_shard)
@@ -149,7 +149,7 @@ def _write_shard(source: Source, seed: int, split: str, codec: Codec, task: tupl
 
 
 def _replace(path: Path, array: NDArray[Any]) -> None:
-    """The whole file or none of it."""
+    """Write a complete file or none."""
     temporary = path.with_suffix(f".tmp{os.getpid()}")
     with temporary.open("wb") as file:
         np.save(file, array)
@@ -191,7 +191,7 @@ class Crops:
     """The finished shards of one split, memory-mapped: a length and `take`."""
 
     def __init__(self, folder: Path, split: str, limit: int | None = None) -> None:
-        """Open them; `limit` leaves all but the first samples out.
+        """Open the shards; `limit` keeps only the first samples.
 
         Raises:
             InputError: not a folder of crops, another version, other keypoints, or no finished shard.
@@ -217,7 +217,7 @@ class Crops:
         self._rows: NDArray[np.intp] = np.arange(len(self.labels))
 
     def of(self, rows: NDArray[np.intp], boxes: FloatArray) -> Crops:
-        """Some of the crops, as if boxes (n, 4) had been found around their vehicles."""
+        """Some of the crops, cut for boxes (n, 4) around their vehicles."""
         some = copy.copy(self)
         some._rows, some.labels = self._rows[rows], self.labels[rows].copy()
         some.labels["box"] = boxes

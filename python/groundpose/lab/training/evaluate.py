@@ -1,4 +1,4 @@
-"""How good a network is on held-out crops, and how far its scores can be trusted."""
+"""Accuracy of a network on held-out crops, and calibration of its scores."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from groundpose.lab.metrics import RELATIVE_THRESHOLD
 from groundpose.lab.training.crops import Crops, Records
 
 Detect = Callable[[ByteArray], Detections]
-"""Crops (N, height, width, 3) to detections: a trained torch network or an exported one."""
+"""Function from crops (N, height, width, 3) to detections: a trained torch network or an exported one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """Detections of M crops beside the truth.
+    """Detections of M crops and the truth.
 
     Attributes:
-        detections: as the network gave them.
+        detections: the network's output.
         labels: (M,) records. windows: (M, 4) image pixels of the crops.
         errors: (M, 53) image pixels, NaN = not a keypoint of the class.
         sides: (M,) longer side of the box, image pixels. sides_in_crop: the same, crop pixels.
@@ -41,12 +41,12 @@ class Answers:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        """(M, 53): within 0.0375 of the box's longer side (paper, sec. 4.2.3)."""
+        """(M, 53): whether the error is below 0.0375 of the box's longer side (paper, sec. 4.2.3)."""
         with np.errstate(invalid="ignore"):
             return np.asarray(self.errors <= RELATIVE_THRESHOLD * self.sides[:, None])
 
     def only(self, rows: NDArray[np.bool_]) -> Answers:
-        """Those of the crops in a mask (M,)."""
+        """The answers of the crops in a mask (M,)."""
         chosen = {
             name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "detections"
         }
@@ -54,14 +54,14 @@ class Answers:
         return Answers(Detections(*(getattr(self.detections, name)[rows] for name in names)), **chosen)
 
     def calibration(self) -> Calibration:
-        """Scores that say how likely a keypoint is good; fit on a split that is not judged on."""
+        """Calibration of scores to the probability of a good keypoint; fit it on a split not evaluated."""
         return Calibration.fit(self.detections, self.sides_in_crop, self.good, ~np.isnan(self.errors))
 
     def metrics(self, calibration: Calibration | None = None) -> dict[str, float]:
-        """Numbers by name: errors in original-image pixels, shares 0 to 1."""
+        """Metrics by name: errors in pixels of the original image, fractions from 0 to 1."""
         calibration = self.calibration() if calibration is None else calibration
         scores = calibration.scores(self.detections, self.sides_in_crop)
-        good, share = self.good, self.errors / self.sides[:, None]
+        good, relative = self.good, self.errors / self.sides[:, None]
         named = {"": ~np.isnan(self.errors)}
         named |= {
             f"_{n}": named[""] & (self.labels["state"] == s)
@@ -72,7 +72,7 @@ class Answers:
             if chosen.any():
                 numbers["within" + name] = float(good[chosen].mean())
                 numbers["error_px" + name] = float(self.errors[chosen].mean())
-                numbers["error_share" + name] = float(share[chosen].mean())
+                numbers["error_share" + name] = float(relative[chosen].mean())
         own, kinds = named[""], self.detections.kind_probabilities.argmax(axis=1)
         numbers["class_accuracy"] = float((kinds == self.labels["kind"]).mean())
         return numbers | _ranking(scores[own], good[own])
@@ -86,7 +86,7 @@ def inside_image(labels: Records) -> NDArray[np.bool_]:
 
 
 def _ranking(scores: FloatArray, good: NDArray[np.bool_]) -> dict[str, float]:
-    """Whether high scores are good keypoints, and as often as they say."""
+    """Metrics of the scores: how well they rank the keypoints, and how well they are calibrated."""
     order = np.argsort(-scores, kind="stable")
     ranked, count, hits = good[order], len(good), int(good.sum())
     ranks = np.arange(count, 0, -1)
@@ -103,7 +103,7 @@ def _ranking(scores: FloatArray, good: NDArray[np.bool_]) -> dict[str, float]:
 
 
 def answers(detect: Detect, crops: Crops, codec: Codec, batch: int = 64) -> Answers:
-    """Run `detect` on every crop, cut as inference cuts the labels' boxes."""
+    """Run `detect` on every crop, cut from the labels' boxes as for inference."""
     parts = list(_batches(detect, crops, codec, batch))
     detections = Detections(
         *(
@@ -135,13 +135,13 @@ def _batches(detect: Detect, crops: Crops, codec: Codec, batch: int) -> Iterator
         yield Answers(found, labels, made.windows, errors, sides, sides / pixel)
 
 
-def main(model: Path, data: Path, split: str = "test", limit: int | None = None) -> None:
-    """`python -m groundpose.lab.training.evaluate MODEL.onnx CROPS [--split test]`: metrics as JSON."""
+def main(network: Path, data: Path, split: str = "test", limit: int | None = None) -> None:
+    """`python -m groundpose.lab.training.evaluate NETWORK.onnx CROPS [--split test]`: metrics as JSON."""
     from groundpose.keypoints.network import Network
 
-    network = Network(model)
-    found = answers(network.detect, Crops(data, split, limit), network.codec)
-    print(json.dumps(found.metrics(network.calibration), indent=1))
+    loaded = Network(network)
+    found = answers(loaded.detect, Crops(data, split, limit), loaded.codec)
+    print(json.dumps(found.metrics(loaded.calibration), indent=1))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""From a training run to an ONNX file that says what it is, in float16 weights or int8."""
+"""Export of a training run to an ONNX file with metadata, in float16 weights or int8."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from groundpose.vehicles.keypoints import KEYPOINTS, KINDS
 
 OPSET = 18
 QUANTISED = ("Conv", "ConvTranspose", "Add", "Relu", "Resize", "MaxPool")
-"""Operations in int8; softmax and decoding stay in float32: in int8 they ruin the keypoints."""
+"""Operations in int8; softmax and decoding stay in float32, because int8 destroys their accuracy."""
 
 
 class _Graph(nn.Module):
-    """What the file computes: bytes (N, height, width, 3) to the four outputs."""
+    """The exported function: bytes (N, height, width, 3) to the four outputs."""
 
     def __init__(self, network: KeypointNetwork, mirrored: bool) -> None:
         super().__init__()
@@ -53,12 +53,12 @@ def export(
         path: the file.
         metadata: see `metadata`.
         half: store the weights as float16; they are cast when the file is loaded.
-        mirrored: average with the mirror image's maps: twice the time, fewer wrong keypoints.
+        mirrored: average with the maps of the mirror image: twice the time, fewer wrong keypoints.
     """
     example = torch.zeros(2, network.config.height, network.config.width, 3, dtype=torch.uint8)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the exporter, about its own future
+        warnings.simplefilter("ignore")  # the exporter's deprecation warnings
         program = torch.onnx.export(
             _Graph(network, mirrored).eval(),
             (example,),
@@ -85,7 +85,7 @@ def metadata(
     config: dict[str, Any],
     metrics: dict[str, float],
 ) -> dict[str, str]:
-    """What a file says of itself; `data` is the index of the crops, with source and seed."""
+    """Metadata of a file; `data` is the index of the crops, with source and seed."""
     numbers = [calibration.bias, calibration.spread, calibration.peak]
     said: dict[str, Any] = {
         "mean": MEAN,
@@ -112,7 +112,7 @@ def metadata(
 def quantise(path: Path, out: Path, crops: ByteArray) -> None:
     """An int8 version of the file at `path`, its ranges taken from crops (N, height, width, 3).
 
-    Weights a channel, activations a tensor; only the operations of `QUANTISED`.
+    Weights are scaled per channel, activations per tensor; only the operations in `QUANTISED` change.
     """
     from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
     from onnxruntime.quantization.shape_inference import quant_pre_process
@@ -138,7 +138,7 @@ def quantise(path: Path, out: Path, crops: ByteArray) -> None:
             per_channel=True,
             activation_type=QuantType.QUInt8,
             weight_type=QuantType.QInt8,
-            reduce_range=True,  # 7 bits: 8 overflow in the 16-bit sums of processors without VNNI
+            reduce_range=True,  # 7 bits, because 8 bits overflow the 16-bit sums of processors without VNNI
         )
     model = onnx.load(str(out))
     _describe(model, {**said, "weights": "int8"})
@@ -149,7 +149,7 @@ def _describe(model: onnx.ModelProto, said: dict[str, str]) -> None:
     del model.metadata_props[:]
     helper.set_model_props(model, said)
     model.producer_name, model.doc_string = "groundpose", "keypoints of vehicles"
-    for node in model.graph.node:  # the exporter's stack traces, with paths of the machine it ran on
+    for node in model.graph.node:  # remove the exporter's stack traces, which hold paths of this machine
         del node.metadata_props[:]
         node.doc_string = ""
     for value in (*model.graph.value_info, *model.graph.input, *model.graph.output):
@@ -157,7 +157,7 @@ def _describe(model: onnx.ModelProto, said: dict[str, str]) -> None:
 
 
 def _halve(model: onnx.ModelProto) -> None:
-    """Store the weights of convolutions and linear layers as float16 with a Cast behind them."""
+    """Store the weights of convolutions and linear layers as float16, followed by a Cast."""
     graph = model.graph
     large = [w for w in graph.initializer if w.data_type == TensorProto.FLOAT and np.prod(w.dims) > 64]
     casts = []

@@ -1,7 +1,7 @@
 """Cross-entropy and softargmax of heat maps in one pass, with their gradient.
 
-Written out of single operations, each of which walks over all maps, they took a third of a training step of
-the paper's smaller network; here they go crop by crop, in the processor's cache.
+As separate torch operations, each a pass over all maps, they took a third of a training step of the paper's
+smaller network. Here they are computed crop by crop, in the processor's cache.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 _CELLS = 1 << 17
-"""Heat-map cells at a time: half a megabyte."""
+"""Number of heat-map cells processed at a time: half a megabyte."""
 
 
 def heat_map_losses(
@@ -21,7 +21,7 @@ def heat_map_losses(
     """Cross-entropy (N, K) of each map against a Gaussian, and the map's mean (N, K, 2).
 
     Args:
-        maps: (N, K, h, w) before the softmax, of any precision.
+        maps: (N, K, h, w) before the softmax, in any precision.
         gaussian_x, gaussian_y: (N, K, w) and (N, K, h), whose product is the Gaussian; it is never built.
         cell_x, cell_y: (w,) and (h,) centres of the cells, crop pixels.
     """
@@ -36,33 +36,33 @@ class _HeatMapLosses(torch.autograd.Function):
     def forward(ctx: Any, maps: Tensor, *others: Tensor) -> tuple[Tensor, Tensor]:
         """See `heat_map_losses`."""
         gaussian_x, gaussian_y, cell_x, cell_y = others
-        shares = torch.empty_like(maps)
+        softmax = torch.empty_like(maps)
         entropy, means = torch.empty_like(gaussian_x[..., 0]), torch.empty_like(gaussian_x[..., :2])
         for part in _parts(maps):
             own = maps[part].to(gaussian_x.dtype, memory_format=torch.contiguous_format)
             top = own.amax(dim=(2, 3), keepdim=True)
-            share = (own - top).exp_()
-            total = share.sum(dim=(2, 3), keepdim=True)
-            share /= total
+            p = (own - top).exp_()
+            total = p.sum(dim=(2, 3), keepdim=True)
+            p /= total
             expected = ((own @ gaussian_x[part][..., None])[..., 0] * gaussian_y[part]).sum(dim=2)
             entropy[part] = (top + total.log())[..., 0, 0] - expected
-            means[part] = torch.stack([share.sum(dim=2) @ cell_x, share.sum(dim=3) @ cell_y], dim=2)
-            shares[part] = share
-        ctx.save_for_backward(shares, means, *others)
+            means[part] = torch.stack([p.sum(dim=2) @ cell_x, p.sum(dim=3) @ cell_y], dim=2)
+            softmax[part] = p
+        ctx.save_for_backward(softmax, means, *others)
         return entropy, means
 
     @staticmethod
     def backward(ctx: Any, entropy: Tensor, means: Tensor) -> tuple[Tensor | None, ...]:
-        """Gradient of the maps alone."""
-        shares, mean, gaussian_x, gaussian_y, cell_x, cell_y = ctx.saved_tensors
-        gradient = torch.empty_like(shares)
+        """Gradient with respect to the maps; the other inputs have none."""
+        softmax, mean, gaussian_x, gaussian_y, cell_x, cell_y = ctx.saved_tensors
+        gradient = torch.empty_like(softmax)
         along_x = means[..., :1] * (cell_x - mean[..., :1]) + entropy[..., None]
         along_y = means[..., 1:] * (cell_y - mean[..., 1:])
         weighed_y = entropy[..., None] * gaussian_y
-        for part in _parts(shares):
-            share = shares[part].to(gaussian_x.dtype, memory_format=torch.contiguous_format)
-            share = share * (along_x[part][..., None, :] + along_y[part][..., None])
-            gradient[part] = share.sub_(weighed_y[part][..., None] * gaussian_x[part][..., None, :])
+        for part in _parts(softmax):
+            p = softmax[part].to(gaussian_x.dtype, memory_format=torch.contiguous_format)
+            p = p * (along_x[part][..., None, :] + along_y[part][..., None])
+            gradient[part] = p.sub_(weighed_y[part][..., None] * gaussian_x[part][..., None, :])
         return gradient, None, None, None, None
 
 

@@ -1,4 +1,4 @@
-"""Losses and metrics of a run: a CSV file, and TensorBoard where it is installed."""
+"""Log of losses and metrics of a run: a CSV file, and TensorBoard if it is installed."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ METRICS = "metrics.csv"
 
 @dataclass(frozen=True)
 class Progress:
-    """What is known after a step.
+    """State of a run after a step.
 
     Args:
-        step, steps: done, and in all.
+        step, steps: number done, and number in all.
         losses: by name.
         crops_per_second: of this step, data included.
-        metrics: of the validation crops, empty when they were not evaluated at this step.
+        metrics: of the validation crops; empty if they were not evaluated at this step.
     """
 
     step: int
@@ -30,10 +30,10 @@ class Progress:
 
 
 class MetricsLog:
-    """Rows `step, name, value`: losses a thousand times in a run, metrics always."""
+    """Rows `step, name, value`: losses about 1000 times in a run, metrics always."""
 
     def __init__(self, folder: Path, step: int) -> None:
-        """Go on after `step`: rows beyond it, of steps that are taken again, are cut off."""
+        """Continue after `step`; rows of later steps, which will be repeated, are removed."""
         path = folder / METRICS
         kept = [["step", "name", "value"]]
         if path.exists():
@@ -49,7 +49,7 @@ class MetricsLog:
             self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=step)
 
     def __enter__(self) -> MetricsLog:
-        """Close with `with`."""
+        """Enter a `with` block, which closes the files."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -59,7 +59,7 @@ class MetricsLog:
             self._board.close()
 
     def write(self, now: Progress) -> None:
-        """The rows of a step."""
+        """Write the rows of a step."""
         values = dict(now.metrics)
         if now.step % max(1, now.steps // 1000) == 0:
             values |= {f"loss_{name}": value for name, value in now.losses.items()}

@@ -1,7 +1,7 @@
 """The training loop: steps, checkpoints, metrics.
 
-Every random number comes from (seed, step) or (seed, epoch), so a run that was stopped and resumed takes the
-same steps as one that was not.
+Every random number comes from (seed, step) or (seed, epoch), so a resumed run takes the same steps as one
+that was not interrupted.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ _NOTHING_BEFORE = {"steps": 0, "seconds": 0.0}
 
 @dataclass(frozen=True)
 class Limits:
-    """When a call ends or saves; none of it changes what is learned.
+    """Limits of a call; they do not affect what is learned.
 
     Args:
-        minutes: stop (and save) after so long; a later call goes on. None: to the end.
-        save_minutes: between checkpoints.
-        evaluations: of the validation crops in a whole run.
+        minutes: stop and save after this time; a later call continues. None: train to the end.
+        save_minutes: time between checkpoints.
+        evaluations: number of evaluations of the validation crops in a whole run.
         validation: number of validation crops.
     """
 
@@ -59,7 +59,7 @@ _NO_LIMITS = Limits()
 
 
 class Trainer:
-    """One run in a folder: its network, optimizer and step."""
+    """A training run in a folder: its network, optimizer and step."""
 
     def __init__(
         self,
@@ -70,14 +70,14 @@ class Trainer:
         workers: int = 0,
         initial: Path | None = None,
     ) -> None:
-        """Start, or go on where the folder's checkpoint is.
+        """Start a run, or resume it from the folder's checkpoint.
 
         Args:
             config: what to train.
             data: folder of crops with splits train and validation.
-            folder: of the run; made when missing.
-            workers: threads that prepare batches beside the training (0: none). The same batches either way.
-            initial: folder of a run of the same network whose weights are the first; None: random ones.
+            folder: of the run; made if missing.
+            workers: threads that prepare batches during training (0: none); they do not change the batches.
+            initial: folder of a run of the same network whose weights to start from; None: random weights.
 
         Raises:
             InputError: the folder holds a run of another configuration; the data are not crops; the initial
@@ -107,7 +107,7 @@ class Trainer:
     def run(
         self, limits: Limits = _NO_LIMITS, tell: Callable[[Progress], None] = lambda progress: None
     ) -> bool:
-        """Train to the end, or to a limit; whether the end is reached. Ctrl-C saves before it is raised."""
+        """Train to the end or to a limit; returns whether the end is reached. Ctrl-C saves, then raises."""
         start = saved = before = time.monotonic()
         every = max(1, self.steps // max(limits.evaluations, 1))
         try:
@@ -134,11 +134,11 @@ class Trainer:
         return self.step == self.steps
 
     def validate(self, limit: int | None = None, split: str = "validation") -> Answers:
-        """The network as it is on (the first `limit`) held-out crops."""
+        """The current network's answers on (the first `limit`) held-out crops."""
         return answers(detector(self.network), Crops(self._data, split, limit), self.codec)
 
     def save(self) -> None:
-        """Write the checkpoint; a file that is half written never has its name."""
+        """Write the checkpoint under a temporary name and rename it when it is complete."""
         content = {
             "config": asdict(self.config),
             "data": self.crops.index,
@@ -165,7 +165,7 @@ class Trainer:
         self.optimizer.load_state_dict(content["optimizer"])
 
     def _begin_with(self, initial: Path) -> None:
-        """Take the weights of another run; what it cost is counted as before."""
+        """Take the weights of another run and add its cost to the count."""
         content = load_checkpoint(initial)
         if content["config"]["network"] != self.config.network:
             raise input_error(
@@ -175,7 +175,7 @@ class Trainer:
         self.before = {name: content["before"][name] + content[now] for name, now in _COSTS.items()}
 
     def _train(self, batch: Batch) -> Losses:
-        """One step."""
+        """Take one training step."""
         for group in self.optimizer.param_groups:
             group["lr"] = learning_rate(self.config, self.step, self.steps)
         self.network.train()
@@ -195,7 +195,7 @@ class Trainer:
         return self._batcher(images, labels, np.random.default_rng([self.config.seed, _STEP, step]))
 
     def _indices(self, step: int) -> NDArray[np.intp]:
-        """Places step * batch ... of a row of shuffled epochs."""
+        """The crops `step * batch` and following in the sequence of shuffled epochs."""
         count, batch = len(self.crops), self.config.batch
         places = range(step * batch, (step + 1) * batch)
         return np.array([self._order(place // count)[place % count] for place in places], dtype=np.intp)
@@ -204,14 +204,14 @@ class Trainer:
         """The crops in the order of an epoch."""
         if epoch not in self._orders:
             rng = np.random.default_rng([self.config.seed, _ORDER, epoch])
-            # two: batches at the turn of an epoch are made of both
+            # two, because a batch at the end of an epoch also holds crops of the next
             self._orders = {e: o for e, o in self._orders.items() if e == epoch - 1}
             self._orders[epoch] = rng.permutation(len(self.crops))
         return self._orders[epoch]
 
     @contextlib.contextmanager
     def _batches(self) -> Iterator[Iterator[Batch]]:
-        """The batches from the next step to the last, made ahead by the workers."""
+        """The batches from the next step to the last, prepared in advance by the workers."""
         steps = iter(range(self.step, self.steps))
         if self._workers == 0:
             yield map(self._make, steps)
@@ -236,12 +236,12 @@ def load_checkpoint(folder: Path) -> dict[str, Any]:
     if not path.exists():
         raise input_error(str(folder), f"a training run ({CHECKPOINT})", "none")
     content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    # checkpoints from before runs could begin with another's weights do not say
+    # older checkpoints lack this entry
     return {"before": dict(_NOTHING_BEFORE)} | content
 
 
 def config_of(content: dict[str, Any]) -> TrainConfig:
-    """The configuration that a checkpoint was trained with."""
+    """The configuration with which a checkpoint was trained."""
     return TrainConfig(**{**content["config"], "augment": AugmentConfig(**content["config"]["augment"])})
 
 
@@ -255,7 +255,7 @@ def trained(folder: Path) -> tuple[KeypointNetwork, TrainConfig, dict[str, Any]]
 
 
 def detector(network: KeypointNetwork, mirrored: bool = False) -> Callable[[ByteArray], Detections]:
-    """The network as it is, called as an exported one is."""
+    """Function that applies the current network as an exported one is applied."""
 
     def detect(crops: ByteArray) -> Detections:
         network.eval()
@@ -267,16 +267,16 @@ def detector(network: KeypointNetwork, mirrored: bool = False) -> Callable[[Byte
 
 
 def learning_rate(config: TrainConfig, step: int, steps: int) -> float:
-    """Of a step: a tenth at 60/90 and 80/90 of the run, or a cosine after a warm-up over its first 2 %."""
-    share = step / steps
+    """Learning rate of a step: divided by 10 at 60/90 and 80/90 of the run, or a cosine after a warm-up."""
+    fraction = step / steps
     if config.schedule == "steps":
-        return config.learning_rate * 0.1 ** ((share >= 60 / 90) + (share >= 80 / 90))
+        return config.learning_rate * 0.1 ** ((fraction >= 60 / 90) + (fraction >= 80 / 90))
     warm = min(1.0, (step + 1) / max(1.0, 0.02 * steps))
-    return config.learning_rate * warm * 0.5 * (1.0 + math.cos(math.pi * share))
+    return config.learning_rate * warm * 0.5 * (1.0 + math.cos(math.pi * fraction))
 
 
 def has_bf16() -> bool:
-    """Whether this processor multiplies bfloat16; emulated it would be slower than float32."""
+    """Whether this processor multiplies bfloat16; emulation would be slower than float32."""
     try:
         return "avx512_bf16" in Path("/proc/cpuinfo").read_text()
     except OSError:

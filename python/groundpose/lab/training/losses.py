@@ -1,4 +1,4 @@
-"""What a network is trained to: heat maps near a Gaussian, their mean on the keypoint, the right class."""
+"""Training losses: heat maps near a Gaussian, their mean on the keypoint, the right class."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from groundpose.lab.training.networks import KeypointNetwork, Raw
 
 
 class Losses(NamedTuple):
-    """The weighed sum and its parts, scalars."""
+    """The weighted sum and its parts, scalars."""
 
     total: Tensor
     cross_entropy: Tensor
@@ -28,8 +28,8 @@ class Losses(NamedTuple):
 class Loss:
     """`cross_entropy * CE(map, Gaussian) + distance * |softargmax - keypoint| + classes * CE(class)`.
 
-    Distances are shares of the crop's sides. A keypoint of the vehicle that lies outside the crop teaches its
-    map to be flat, so that its spread is large and its score low; keypoints of other classes teach nothing.
+    Distances are fractions of the crop's sides. The target map of a keypoint outside the crop is flat, so
+    that its spread is large and its score low; keypoints of other classes have no loss.
     """
 
     def __init__(self, network: KeypointNetwork, codec: Codec, config: TrainConfig) -> None:
@@ -40,7 +40,7 @@ class Loss:
         self._weights = torch.tensor([weights[state] for state in sorted(weights)])
 
     def __call__(self, raw: Raw, batch: Batch) -> Losses:
-        """The losses of a batch; maps and logits of any precision."""
+        """The losses of a batch; maps and logits in any precision."""
         own = torch.isfinite(batch.keypoints).all(dim=2)
         points = torch.nan_to_num(batch.keypoints)
         inside = own & ((points > -0.5) & (points < self._size - 0.5)).all(dim=2)
@@ -59,6 +59,6 @@ class Loss:
         return Losses(total, cross_entropy, distance, classes)
 
     def _gaussian(self, cells: Tensor, places: Tensor, inside: Tensor) -> Tensor:
-        """Shares (N, 53, cells) that sum to 1; equal ones for points that are not in the crop."""
+        """Weights (N, 53, cells) that sum to 1; equal ones for points outside the crop."""
         exponent = -0.5 * ((cells - places[..., None]) / self._sigma) ** 2
         return (exponent * inside[..., None]).softmax(dim=2)

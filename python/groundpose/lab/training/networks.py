@@ -17,14 +17,14 @@ from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices
 
 
 class Raw(NamedTuple):
-    """What a network says before decoding: maps (N, 53, h, w) and class logits (N, 4)."""
+    """Output of a network before decoding: maps (N, 53, h, w) and class logits (N, 4)."""
 
     maps: Tensor
     logits: Tensor
 
 
 class Decoded(NamedTuple):
-    """What a network says of N crops.
+    """Decoded output of a network for N crops.
 
     keypoints (N, 53, 2) crop pixels; spread (N, 53) crop pixels, the standard deviation of the map read as a
     distribution; peak (N, 53) its largest cell, 0 to 1; kind_probabilities (N, 4).
@@ -37,7 +37,7 @@ class Decoded(NamedTuple):
 
 
 class ConvNorm(nn.Module):
-    """Convolution (or transposed convolution), batch normalisation and, unless told otherwise, ReLU."""
+    """Convolution (or transposed convolution), batch normalisation and ReLU unless disabled."""
 
     def __init__(
         self, inputs: int, outputs: int, kernel: int, stride: int = 1, *, relu: bool = True, up: bool = False
@@ -60,7 +60,7 @@ class ConvNorm(nn.Module):
         return functional.relu(x, inplace=True) if self.relu else x
 
     def fold(self) -> None:
-        """Put the normalisation into the convolution's weights; for inference only."""
+        """Fold the normalisation into the convolution's weights, for inference only."""
         norm = self.norm
         assert isinstance(norm, nn.BatchNorm2d)
         assert norm.running_mean is not None
@@ -112,7 +112,7 @@ class DeconvHead(nn.Sequential):
 
 
 class PyramidHead(nn.Module):
-    """A feature pyramid (Lin et al., 2017): 1 x 1 laterals, nearest upsampling, a 3 x 3 a level, stride 4."""
+    """A feature pyramid (Lin et al., 2017): 1 x 1 laterals, nearest upsampling, 3 x 3 per level, stride 4."""
 
     def __init__(self, channels: list[int], widths: tuple[int, ...], maps: int) -> None:
         """`channels` of the four stages; one width for all levels."""
@@ -145,7 +145,7 @@ class KeypointNetwork(nn.Module):
     std: Tensor
 
     def __init__(self, config: NetworkConfig) -> None:
-        """Weights are torch's random ones: seed torch before."""
+        """The weights come from torch's random generator: seed it before."""
         super().__init__()
         self.config = config
         widths = config.widths
@@ -188,11 +188,11 @@ class KeypointNetwork(nn.Module):
         return Raw(self.head(stages), self.classes(x.mean(dim=(2, 3))))
 
     def detect(self, pictures: Tensor, mirrored: bool = False) -> Decoded:
-        """The decoded answer for bytes (N, height, width, 3), as inference has them.
+        """The decoded output for bytes (N, height, width, 3), the layout used for inference.
 
-        `mirrored`: of the mean with the maps of the pictures' mirror images.
+        `mirrored`: decode the mean of the maps and those of the mirror images.
         """
-        # By rows: in an 8-bit file, where colours stay last, three numbers at a time cost a quarter of all.
+        # By rows: in an 8-bit file with colours last, operations on three numbers take a quarter of the time.
         row = self.config.width
         mean, std = (value.flatten().repeat(row) for value in (self.mean, self.std))
         x = ((pictures.float().flatten(2) - mean) / std).unflatten(2, (row, 3)).permute(0, 3, 1, 2)
@@ -206,24 +206,24 @@ class KeypointNetwork(nn.Module):
     def decode(self, raw: Raw) -> Decoded:
         """Softargmax near the map's peak, the spread of the whole map, and its peak.
 
-        A map with two hills (front or back? which wheel?) gives the place of the higher one; the mean of both
-        would be where the keypoint surely is not. That there are two is told by the spread.
+        For a map with two peaks (front or back, left or right wheel) this is the place of the higher one; the
+        mean of both would be at neither. The spread is then large.
         """
-        share = raw.maps.flatten(2).softmax(dim=2).unflatten(2, raw.maps.shape[2:])
-        peak, place = share.flatten(2).max(dim=2)
+        weights = raw.maps.flatten(2).softmax(dim=2).unflatten(2, raw.maps.shape[2:])
+        peak, place = weights.flatten(2).max(dim=2)
         columns = len(self.cell_x)
-        x, variance_x = self._place(share.sum(dim=2), self.cell_x, place % columns)
-        y, variance_y = self._place(share.sum(dim=3), self.cell_y, place // columns)
+        x, variance_x = self._place(weights.sum(dim=2), self.cell_x, place % columns)
+        y, variance_y = self._place(weights.sum(dim=3), self.cell_y, place // columns)
         spread = (variance_x + variance_y).sqrt()
         return Decoded(torch.stack([x, y], dim=2), spread, peak, raw.logits.softmax(dim=1))
 
-    def _place(self, share: Tensor, cells: Tensor, peak: Tensor) -> tuple[Tensor, Tensor]:
-        """Along one axis the mean of the cells near the peak, and the variance of all: of shares (N, 53,
+    def _place(self, weights: Tensor, cells: Tensor, peak: Tensor) -> tuple[Tensor, Tensor]:
+        """Along one axis the mean of the cells near the peak, and the variance of all, from weights (N, 53,
         cells) and the index of the peak (N, 53)."""
-        near = share * ((cells - cells[peak][..., None]).abs() < self.config.reach * self.config.width)
-        mean = (share * cells).sum(dim=2)
-        # about the mean, not E[x^2] - E[x]^2: that loses the digits of small spreads
-        variance = (share * (cells - mean[..., None]) ** 2).sum(dim=2)
+        near = weights * ((cells - cells[peak][..., None]).abs() < self.config.reach * self.config.width)
+        mean = (weights * cells).sum(dim=2)
+        # about the mean: E[x^2] - E[x]^2 would cancel for small spreads
+        variance = (weights * (cells - mean[..., None]) ** 2).sum(dim=2)
         return (near * cells).sum(dim=2) / near.sum(dim=2), variance
 
 
@@ -237,7 +237,7 @@ def folded(network: KeypointNetwork) -> KeypointNetwork:
 
 
 def multiply_adds(network: KeypointNetwork) -> int:
-    """Multiply-adds of one crop: convolutions and linear layers, as the field counts them."""
+    """Multiply-adds of one crop in convolutions and linear layers, the usual count."""
     total = 0
 
     def count(module: nn.Module, inputs: tuple[Tensor, ...], output: Tensor) -> None:
@@ -245,7 +245,7 @@ def multiply_adds(network: KeypointNetwork) -> int:
         if isinstance(module, nn.Linear):
             total += module.in_features * module.out_features
         elif isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)):
-            # a kernel is applied once an output cell, a transposed one once an input cell
+            # a kernel is applied once per output cell, a transposed one once per input cell
             cells = (inputs[0] if isinstance(module, nn.ConvTranspose2d) else output)[0, 0].numel()
             total += module.weight.numel() * cells
 

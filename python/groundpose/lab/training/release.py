@@ -1,4 +1,4 @@
-"""From a finished run to files that ship: scores calibrated, metrics measured, float16 and int8 written."""
+"""Release of a finished run: calibrate scores, measure metrics, write float16 and int8 files."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from groundpose.lab.training.export import export, metadata, quantise
 from groundpose.lab.training.loop import detector, trained
 
 RANGES = 256
-"""Crops that the ranges of int8 are taken from."""
+"""Number of crops from which the ranges of int8 are taken."""
 
 
 @dataclass(frozen=True)
 class Released:
-    """The files written and the metrics of each on the crops they were judged on."""
+    """The files written, and the metrics of each on the evaluated crops."""
 
     path: Path
     metrics: dict[str, float]
@@ -44,12 +44,12 @@ def release(
 
     Args:
         run: folder of the run. data: folder of crops.
-        path: ONNX file to write. int8: another one, quantised, if wanted.
+        path: ONNX file to write. int8: quantised file to write, or None.
         mirrored: see `export`.
-        command: that trained it, for the file to tell.
-        limit: most crops to calibrate and to judge on.
+        command: that trained the network, for the metadata.
+        limit: largest number of crops for calibration and for evaluation.
 
-    Scores are calibrated on the validation crops; metrics are of the test crops where there are any.
+    Scores are calibrated on the validation crops; metrics are of the test crops if there are any.
 
     Raises:
         InputError: no run, no crops.
@@ -78,6 +78,6 @@ def release(
 
 
 def _pictures(crops: Crops, codec: Codec) -> ByteArray:
-    """Crops as inference cuts them, (N, height, width, 3)."""
+    """Crops cut as for inference, (N, height, width, 3)."""
     images, labels = crops.take(np.arange(len(crops)))
     return Batcher(codec, crops.codec)(images, labels, np.random.default_rng(0)).pictures()

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from groundpose.lab.drive.render import Renderer
 
 SMALLEST = 18.0
-"""Pixels: the least height of a box, below the 25 that is judged."""
+"""Least height of a box, pixels; evaluations start at 25."""
 MOST_HIDDEN, MOST_CUT = 0.8, 0.6
-"""Shares of a vehicle that may be hidden by others or lie outside the image."""
+"""Largest fractions of a vehicle hidden by others and outside the image."""
 FRAME_STEP = 4
-"""Every so many frames of a drive one is drawn: the next one shows much the same."""
+"""One frame in this many is drawn, because successive frames are similar."""
 
 
 def rendered_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
-    """The vehicles worth learning from in `count` frames, every `FRAME_STEP`-th of the drives."""
+    """The vehicles used for training in `count` frames, every `FRAME_STEP`-th of the drives."""
     for number in range(first * FRAME_STEP, (first + count) * FRAME_STEP, FRAME_STEP):
         frame = scene(scene_seed(seed, split), number)
         assert frame.camera.image_size is not None
@@ -56,7 +56,7 @@ def _useful(label: Label) -> bool:
 
 @cache
 def _renderer() -> Renderer:
-    """One a process."""
+    """The renderer of this process."""
     from groundpose.lab.drive.render import Renderer
 
     return Renderer()

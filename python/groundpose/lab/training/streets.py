@@ -1,6 +1,6 @@
-"""A network judged on real streets: labelled KITTI frames, by number and by looking. Needs no torch.
+"""Evaluation of a network on labelled KITTI frames: numbers and a contact sheet. Needs no torch.
 
-`python -m groundpose.lab.training.streets MODEL.onnx --data FOLDER --sheet sheet.png`. The frames are test
+`python -m groundpose.lab.training.streets NETWORK.onnx --data FOLDER --sheet sheet.png`. The frames are test
 input and not part of this package; nothing is trained on them.
 """
 
@@ -28,14 +28,14 @@ from groundpose.lab.data import data_folder, rotation_about_y
 from groundpose.lab.metrics import rotation_error_deg
 
 MIN_HEIGHT, MAX_TRUNCATION, MAX_OCCLUSION = 25.0, 0.15, 1
-"""What is judged: boxes of this height in pixels, KITTI's truncation and occlusion."""
+"""Limits of the evaluated vehicles: height of the box in pixels, KITTI's truncation and occlusion."""
 EASY_HEIGHT = 40.0
 _FAR_OFF_DEG = 30.0
 
 
 @dataclass(frozen=True, eq=False)
 class Street:
-    """The labelled vehicles of one frame; N of them are judged."""
+    """The labelled vehicles of one frame; N of them are evaluated."""
 
     name: str
     image: ByteArray
@@ -48,7 +48,7 @@ class Street:
 
 def looks(street: Street, count: int, seed: int = 0, noise: float = 0.03) -> list[Street]:
     """The frame and its mirror image, each `count` times: once with the boxes given, then with each side
-    moved by a share `noise` (one standard deviation) of the box's sides. Few vehicles judged so tell more.
+    moved by a fraction `noise` (one standard deviation) of the box's sides, to get more from few vehicles.
     """
     rng = np.random.default_rng(seed)
     found = []
@@ -61,7 +61,7 @@ def looks(street: Street, count: int, seed: int = 0, noise: float = 0.03) -> lis
 
 
 def _mirrored(street: Street) -> Street:
-    """What a camera without distortion sees in a mirror; vehicles are their own mirror images."""
+    """The mirror image of a frame of a camera without distortion; vehicles are mirror-symmetric."""
     camera, last = street.view.camera, street.image.shape[1] - 1.0
     bboxes = street.bboxes.copy()
     bboxes[:, [0, 2]] = last - street.bboxes[:, [2, 0]]
@@ -77,7 +77,7 @@ def _mirrored(street: Street) -> Street:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A frame's answers beside the truth: errors (N,) in degrees, 180 without an answer."""
+    """A frame's answers and their errors (N,) in degrees; 180 without an answer."""
 
     street: Street
     poses: VehiclePoses
@@ -137,7 +137,7 @@ def _yaw(R: FloatArray) -> FloatArray:
 
 
 def summary(judged: list[Judged]) -> dict[str, float]:
-    """Numbers by name, for all and for the easy ones."""
+    """Metrics by name, for all vehicles and for the easy ones."""
     rotation, yaw = (np.concatenate([getattr(j, n) for j in judged]) for n in ("rotation_error", "yaw_error"))
     easy = np.concatenate([j.street.easy for j in judged])
     right = np.concatenate([j.poses.kinds == np.array(j.street.kinds, dtype=np.str_) for j in judged])
@@ -158,7 +158,7 @@ _EDGES = [(a, b) for a, b in itertools.combinations(range(8), 2) if abs(_CORNERS
 
 
 def sheet(judged: list[Judged], columns: int = 6) -> Image.Image:
-    """A picture of every vehicle, worst first: keypoints (sure ones green), box (its front yellow), error."""
+    """A picture of every vehicle, worst first: keypoints (high scores green), box (front yellow), error."""
     tiles = [(j.rotation_error[i], j, i) for j in judged for i in range(len(j.poses))]
     tiles.sort(key=lambda tile: -tile[0])
     rows = -(-len(tiles) // columns)
@@ -188,10 +188,10 @@ def _tile(j: Judged, i: int) -> Image.Image:
         if math.isfinite(x) and score > 0.1:
             colour = tuple(int(score * g + (1 - score) * b) for g, b in zip(_GOOD, _BAD, strict=True))
             draw.ellipse([x - 2, y - 2, x + 2, y + 2], fill=colour)
-    said = f"{j.street.name} {j.poses.kinds[i]} {j.rotation_error[i]:.1f}"
+    caption = f"{j.street.name} {j.poses.kinds[i]} {j.rotation_error[i]:.1f}"
     draw.text(
         (4, 4),
-        said + (" easy" if j.street.easy[i] else ""),
+        caption + (" easy" if j.street.easy[i] else ""),
         fill=(255, 255, 255),
         stroke_width=1,
         stroke_fill=0,
@@ -200,17 +200,18 @@ def _tile(j: Judged, i: int) -> Image.Image:
 
 
 def main(
-    model: Path,
-    data: Annotated[Path | None, typer.Option(help="folder in KITTI's object layout")] = None,
-    picture: Annotated[Path | None, typer.Option("--sheet", help="contact sheet to write")] = None,
+    network: Path,
+    data: Annotated[Path | None, typer.Option(help="Folder in KITTI's object layout.")] = None,
+    picture: Annotated[Path | None, typer.Option("--sheet", help="Contact sheet to write.")] = None,
     pitch_deg: float = 0.0,
     count: Annotated[
-        int | None, typer.Option("--looks", help="frames and mirror images so often, boxes moved about")
+        int | None,
+        typer.Option("--looks", help="Repetitions of each frame and mirror image with moved boxes."),
     ] = None,
 ) -> None:
-    """Judge a network on labelled boxes of real streets."""
+    """Evaluate a network on labelled boxes of real streets."""
     folder = data_folder() / "kitti" / "training" if data is None else data
-    pipeline = Pipeline(model, threads=1)
+    pipeline = Pipeline(network, threads=1)
     seen = streets(folder, pitch_deg=pitch_deg)
     if count is not None:
         seen = [look for street in seen for look in looks(street, count)]

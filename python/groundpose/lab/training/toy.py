@@ -1,7 +1,7 @@
-"""Painted stand-ins for vehicles: a source of crops that a small network learns in seconds.
+"""Painted substitutes for vehicles: a source of crops that a small network learns in seconds.
 
-A tilted rectangle in the colour of its class carries a dot a keypoint. The picture is mirror-symmetric as a
-vehicle is: partners have the same colour and stand on opposite sides.
+A rotated rectangle in the colour of its class has one dot per keypoint. The picture is mirror-symmetric like
+a vehicle: left and right partners have the same colour and are on opposite sides.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def toy_frame(
 
 @cache
 def _template() -> FloatArray:
-    """Places (53, 2) in -1 to 1, partners mirrored."""
+    """Places (53, 2) from -1 to 1, mirrored for partners."""
     flip = flip_indices()
     places = np.zeros((len(KEYPOINTS), 2))
     rng = np.random.default_rng(53)
@@ -84,7 +84,7 @@ def _template() -> FloatArray:
 
 @cache
 def _colours() -> np.ndarray:
-    """A colour (53, 3) each, partners alike."""
+    """Colours (53, 3), equal for partners."""
     flip = flip_indices()
     colours = np.random.default_rng(54).integers(0, 256, (len(KEYPOINTS), 3))
     return colours[np.minimum(np.arange(len(flip)), flip)]

@@ -1,4 +1,4 @@
-"""Box trucks: a shell for the cab, one for the box, and the chassis with what hangs on it."""
+"""Box trucks: a shell for the cab, one for the box, and the chassis with its fittings."""
 
 from __future__ import annotations
 

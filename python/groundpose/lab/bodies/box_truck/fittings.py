@@ -1,4 +1,4 @@
-"""What is put on a box truck: chassis, wheels, tank, guards, lamps, bars of the doors, mirrors, seats."""
+"""Fittings of a box truck: chassis, wheels, tank, guards, lamps, locking bars, mirrors, seats."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from groundpose.lab.bodies.shell import Columns, Level, Shell, shell
 
 
 def fittings(p: Plan, cab: Shell, rng: np.random.Generator) -> list[Component]:
-    """All components but the shells of cab and box."""
+    """All components except the shells of cab and box."""
     centres = wheel_centres(p)
     parts = [
         *common.wheel_set(centres, p.tyre_width, (p.front_rim, p.rear_rim), 0.6, "rim", twin=True),
@@ -53,7 +53,7 @@ def tail_lamp(p: Plan) -> tuple[FloatArray, FloatArray]:
 
 
 def rear_plate(p: Plan) -> FloatArray:
-    """Where the rear plate is fixed: middle of the rear bar's face."""
+    """Middle of the rear bar's face, where the rear plate is fixed."""
     return np.array([0.0, -0.5 * sum(p.guard), -p.nose + 0.02])
 
 
@@ -191,11 +191,13 @@ def _deflector(p: Plan) -> Component:
     high, rear = d.height - 0.06, p.cab_rear + 0.06
     front = p.nose - p.bonnet - p.lean - 0.55
     rows = []
-    for share in (0.0, 0.35, 0.7, 0.92, 1.0):
-        z = front + (rear + 0.3 - front) * share**1.4
-        half = p.cab_half * (0.86 - 0.06 * share)
+    for fraction in (0.0, 0.35, 0.7, 0.92, 1.0):
+        z = front + (rear + 0.3 - front) * fraction**1.4
+        half = p.cab_half * (0.86 - 0.06 * fraction)
         rows.append(
-            Level(f"{share}", low + share * (high - low), half, z, rear, (0.25, 0.2), (0.03, 0.03), 0.06)
+            Level(
+                f"{fraction}", low + fraction * (high - low), half, z, rear, (0.25, 0.2), (0.03, 0.03), 0.06
+            )
         )
     side = np.linspace(front - 0.26, rear + 0.03, 4)
     columns = Columns(np.array([0.0, 0.5, 1.0]), side, np.array([0.0, 1.0]), float(side[0]), float(side[-1]))

@@ -1,4 +1,4 @@
-"""Where everything is on a box truck: drawn once per body, read by shells, paint, keypoints and fittings."""
+"""Layout of a box truck, drawn once per body and read by shells, paint, keypoints and fittings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Plan:
 
     style: str
     dimensions: Dimensions
-    bonnet: float  # length of the bonnet; close to 0: the cab stands over the engine
+    bonnet: float  # length of the bonnet; near 0 for a cab over the engine
     cab_rear: float
     cab_half: float  # half width of the cab
     cab_height: float
@@ -153,8 +153,10 @@ def cab_levels(p: Plan) -> list[Level]:
         ("top_cut", p.top - 0.06),
         ("top", p.top),
     ):
-        share = (h - p.screen) / glass
-        rows.append((name, h, 1.0 - 0.05 * share, foot - p.lean * share ** (1.0 if p.bonnet > 0.3 else 1.4)))
+        fraction = (h - p.screen) / glass
+        rows.append(
+            (name, h, 1.0 - 0.05 * fraction, foot - p.lean * fraction ** (1.0 if p.bonnet > 0.3 else 1.4))
+        )
     edge, end = p.cab_height - 0.04 - p.top, foot - p.lean
     rows += [
         ("eave_low", p.top + 0.35 * edge, 0.945, end - 0.05),
@@ -163,9 +165,17 @@ def cab_levels(p: Plan) -> list[Level]:
     ]
     return [
         Level(
-            name, h, p.cab_half * share, front, p.cab_rear + _tuck(h, p), p.corner, (0.06, 0.06), p.bow, 0.01
+            name,
+            h,
+            p.cab_half * fraction,
+            front,
+            p.cab_rear + _tuck(h, p),
+            p.corner,
+            (0.06, 0.06),
+            p.bow,
+            0.01,
         )
-        for name, h, share, front in rows
+        for name, h, fraction, front in rows
     ]
 
 

@@ -59,7 +59,7 @@ def build(style: str, seed: int) -> Body:
 
 
 def keypoints(style: str, seed: int) -> tuple[FloatArray, FloatArray]:
-    """`keypoints_3d` (28, 3) and `bbox_3d` (2, 3) of `build(style, seed)`, without the rest."""
+    """`keypoints_3d` (28, 3) and `bbox_3d` (2, 3) of `build(style, seed)`, without its mesh."""
     car = _draw(style, seed)
     return _keypoints(car), _box(car, ends(car.shape, car.shell, car.face))
 

@@ -1,4 +1,4 @@
-"""The greenhouse of a car: windscreen, pillars, side and rear windows and roof, one shell with an inside."""
+"""The greenhouse of a car (windscreen, pillars, side and rear windows, roof) as one shell with two faces."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _CELLS = dict(_PANES)
 _STARTS = {name: sum(n for _, n in _PANES[:i]) for i, (name, _) in enumerate(_PANES)}
 _COUNT = sum(_CELLS.values()) + 1
 
-# How deep the lower edge stands in the body, metres, and the thickness of pillars and roof.
+# Depth of the lower edge below the body's surface, and thickness of pillars and roof, metres.
 _SINK = 0.012
 _THICK = 0.022
 
 
 @dataclass(frozen=True)
 class Trim:
-    """How the windows are dressed: materials by name and widths in metres."""
+    """Trim of the windows: names of materials, and widths in metres."""
 
     b_pillar: str = "plastic"
     frame: str = "paint"  # above and around the side windows
@@ -51,7 +51,7 @@ class Trim:
 @dataclass(eq=False)
 class Cabin:
     """The greenhouse: `points` (N, M, 3), the outer right half from the lower edge to the middle of the roof;
-    `glass_rows` the lines where panes start and end."""
+    `glass_rows` are the lines where panes start and end."""
 
     points: FloatArray
     materials: ByteArray
@@ -87,9 +87,11 @@ class Cabin:
 def make_cabin(shape: CarShape, shell: Shell, trim: Trim) -> Cabin:
     """Grid and materials of the greenhouse on a shell."""
     base, top = _lower_line(shape, shell), _upper_line(shape)
-    share = _rows(base, top)
-    wall = base[:, None] + (top - base)[:, None] * share[..., None]
-    wall += (_curvature()[:, None] * 4.0 * share * (1.0 - share))[..., None] * _outward(base, top)[:, None]
+    fraction = _rows(base, top)
+    wall = base[:, None] + (top - base)[:, None] * fraction[..., None]
+    wall += (_curvature()[:, None] * 4.0 * fraction * (1.0 - fraction))[..., None] * _outward(base, top)[
+        :, None
+    ]
     roof = _roof(shape, top)
     knee = _knee(wall[:, -1], top, roof[:, 0])
     points = np.concatenate([wall, knee, roof], axis=1)
@@ -203,7 +205,7 @@ def _rear_line(shape: CarShape, corner: FloatArray, z: float, height: float, ins
 
 
 def _rows(base: FloatArray, top: FloatArray) -> FloatArray:
-    """Shares (N, R) of the way from the lower to the upper line: edge, glass, frame."""
+    """Fractions (N, R) of the way from the lower to the upper line: edge, glass, frame."""
     length = np.linalg.norm(top - base, axis=1)
     low = (_SINK + 0.022) / length
     frame = np.full(len(base), 0.062)
@@ -216,7 +218,7 @@ def _rows(base: FloatArray, top: FloatArray) -> FloatArray:
 
 
 def _curvature() -> FloatArray:
-    """How far the middle of the wall stands out at each station, metres."""
+    """Outward bulge of the middle of the wall at each station, metres."""
     amount = dict.fromkeys(_CELLS, 0.018) | {"screen": 0.022, "rear_window": 0.020, "a_pillar": 0.020}
     cells = np.concatenate([np.full(n, amount[name]) for name, n in _PANES])
     return np.asarray(np.concatenate([cells[:1], 0.5 * (cells[1:] + cells[:-1]), cells[-1:]]))

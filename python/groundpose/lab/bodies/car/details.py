@@ -1,4 +1,4 @@
-"""What stands on a car's surface (handles, mouldings, mirrors, wipers, rails) and what is seen inside."""
+"""Details on a car's surface (handles, mouldings, mirrors, wipers, rails) and the visible interior."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ def outside(shape: CarShape, shell: Shell, cabin: Cabin, fittings: Fittings) -> 
     return parts
 
 
-def _roof_point(cabin: Cabin, share: float) -> FloatArray:
+def _roof_point(cabin: Cabin, fraction: float) -> FloatArray:
     """A point on the middle line of the roof, from its front to its rear."""
     line = cabin.points[:, -1]
-    at = np.interp(share, [0.0, 1.0], [line[0, 2], line[-1, 2]])
+    at = np.interp(fraction, [0.0, 1.0], [line[0, 2], line[-1, 2]])
     return np.array([0.0, np.interp(-at, -line[:, 2], line[:, 1]), at])
 
 

@@ -14,7 +14,7 @@ from groundpose.lab.bodies.geometry.slab import slab
 from groundpose.lab.bodies.parts.materials import MATERIAL
 from groundpose.lab.bodies.parts.trim import plate, plate_middle, round_patch
 
-# Widths of the grilles as shares of the room between the headlamps.
+# Widths of the grilles as fractions of the room between the headlamps.
 _GRILLES = (1.0, 0.72, 0.42, 0.95)
 _UPRIGHT = 2  # this one reaches down to the bumper
 
@@ -87,7 +87,7 @@ def rear_face(shape: CarShape, shell: Shell, face: Face) -> list[Component]:
 
 
 def ends(shape: CarShape, shell: Shell, face: Face) -> list[Component]:
-    """Bumpers and number plates: what stands out furthest at the front and the rear."""
+    """Bumpers and number plates, the outermost parts at the front and the rear."""
     wall = shell.wall
     front, rear = _plate_height(shape), _rear_plate_height(shape, face)
     return [
@@ -122,7 +122,7 @@ def _rear_rise(face: Face) -> float:
 
 
 def _bumper(shape: CarShape, shell: Shell, face: Face, front: bool) -> list[Component]:
-    """A bumper that stands out, or a black lower half, or nothing."""
+    """A separate bumper, a black lower half, or nothing."""
     wall, d = shell.wall, shape.outer
     gap = d.wheel_radius + shape.arch_gap + 0.03
     if front:

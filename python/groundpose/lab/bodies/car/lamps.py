@@ -15,7 +15,7 @@ from groundpose.lab.bodies.geometry.slab import slab
 from groundpose.lab.bodies.parts.materials import MATERIAL
 from groundpose.lab.bodies.parts.trim import round_patch
 
-_LENS = 0.009  # metres a lamp's lens stands out
+_LENS = 0.009  # height of a lamp's lens above the wall, metres
 _BEZEL = 0.004
 
 
@@ -28,17 +28,17 @@ class Lamp:
     high: FloatArray
 
     def grown(self, by: float) -> Lamp:
-        """The outline larger by metres all round."""
+        """The outline enlarged by this margin (metres) on all sides."""
         u = self.u.copy()
         u[0] -= by * np.sign(self.u[-1] - self.u[0])
         u[-1] += by * np.sign(self.u[-1] - self.u[0])
         return Lamp(u, self.low - by, self.high + by)
 
     def part(self, start: float, end: float, low: float = 0.0, high: float = 1.0) -> Lamp:
-        """A piece between shares of its length and height."""
-        share = np.linspace(start, end, max(4, round(len(self.u) * (end - start)) + 1))
+        """The part between two fractions of the length and two of the height."""
+        fraction = np.linspace(start, end, max(4, round(len(self.u) * (end - start)) + 1))
         at = np.linspace(0.0, 1.0, len(self.u))
-        u, bottom, top = (np.interp(share, at, line) for line in (self.u, self.low, self.high))
+        u, bottom, top = (np.interp(fraction, at, line) for line in (self.u, self.low, self.high))
         return Lamp(u, bottom + low * (top - bottom), bottom + high * (top - bottom))
 
     def slab(self, shell: Shell, material: str, thickness: float, rows: int = 3) -> Component:
@@ -55,7 +55,7 @@ class Lamp:
         )
 
     def outer_end(self, shell: Shell, thickness: float = _LENS, bevel: float = 0.006) -> FloatArray:
-        """The point (3,) of the slab at the outer end, half its height."""
+        """The point (3,) at the outer end of the slab, at half its height."""
         u = self.u[-1] - np.sign(self.u[-1] - self.u[0]) * bevel
         low, high = (
             np.interp(u, np.sort(self.u), line[np.argsort(self.u)]) for line in (self.low, self.high)
@@ -72,14 +72,14 @@ def headlamp(shape: CarShape, shell: Shell, face: Face) -> Lamp:
     back = 0.5 * shape.outer.length - shape.nose_bow - 0.12 - 0.5 * shape.nose_corner - face.lamp_reach
     end = float(wall.u_at_z(max(back, limit)))
     u = np.linspace(start, end, 9)
-    share = np.linspace(0.0, 1.0, 9)
-    high = shell.top_at_u(u) - 0.045 - 0.012 * (1.0 - share)
-    tall = face.lamp_height * (face.lamp_taper + (1.0 - face.lamp_taper) * np.minimum(1.0, 2.0 * share))
+    fraction = np.linspace(0.0, 1.0, 9)
+    high = shell.top_at_u(u) - 0.045 - 0.012 * (1.0 - fraction)
+    tall = face.lamp_height * (face.lamp_taper + (1.0 - face.lamp_taper) * np.minimum(1.0, 2.0 * fraction))
     if face.lamp_round:
         middle = high - 0.5 * face.lamp_height
-        tall = face.lamp_height * np.maximum(np.sqrt(1.0 - (2.0 * share - 1.0) ** 2), 0.15)
+        tall = face.lamp_height * np.maximum(np.sqrt(1.0 - (2.0 * fraction - 1.0) ** 2), 0.15)
         return Lamp(u, middle - 0.5 * tall, middle + 0.5 * tall)
-    tall *= np.clip((1.06 - share) / 0.35, 0.28, 1.0) if shape.age > 0.4 else 1.0
+    tall *= np.clip((1.06 - fraction) / 0.35, 0.28, 1.0) if shape.age > 0.4 else 1.0
     return Lamp(u, high - tall, high)
 
 
@@ -92,9 +92,9 @@ def tail_lamp(shape: CarShape, shell: Shell, face: Face) -> Lamp:
         wall.u_at_z(min(-0.5 * shape.outer.length + 0.10 + 0.5 * shape.tail_corner + face.tail_reach, limit))
     )
     u = np.linspace(start, end, 8)
-    share = np.linspace(0.0, 1.0, 8)
+    fraction = np.linspace(0.0, 1.0, 8)
     high = shell.top_at_u(u) - 0.050
-    tall = face.tail_height * np.clip((1.25 - share) / 0.6, 0.45, 1.0)
+    tall = face.tail_height * np.clip((1.25 - fraction) / 0.6, 0.45, 1.0)
     return Lamp(u, high - tall, high)
 
 

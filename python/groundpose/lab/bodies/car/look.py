@@ -1,4 +1,4 @@
-"""How a car is dressed: lamps, grille, bumpers and what is fitted, drawn to suit its style and age."""
+"""Look of a car: lamps, grille, bumpers and fittings, drawn to suit its style and age."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from groundpose.lab.bodies.car.shape import CarShape
 class Face:
     """Choices for the front and rear of one car."""
 
-    lamp_inner: float  # share of the half width
-    lamp_reach: float  # how far the headlamp runs back along the side, m
+    lamp_inner: float  # fraction of the half width
+    lamp_reach: float  # length of the headlamp along the side, m
     lamp_height: float
-    lamp_taper: float  # height of its inner end as a share of the outer
+    lamp_taper: float  # height of its inner end as a fraction of that of the outer end
     lamp_round: bool
-    amber: bool  # indicator of its own beside the lens
+    amber: bool  # separate indicator beside the lens
     grille: int  # row of _GRILLES
     grille_height: float
     chrome: bool
     fog: bool
     bumper_paint: str
-    bumper: float  # metres a separate bumper stands out, 0: part of the body
+    bumper: float  # depth of a separate bumper, m; 0: part of the body
     tail_inner: float
     tail_reach: float
     tail_height: float
@@ -72,7 +72,7 @@ def _bumper_paint(shape: CarShape, old: bool, chance: float) -> str:
 
 @dataclass(frozen=True)
 class Fittings:
-    """Choices of what is fitted."""
+    """Choices of fittings."""
 
     mirror: tuple[float, float, float]
     mirror_paint: str

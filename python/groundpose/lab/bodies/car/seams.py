@@ -13,7 +13,7 @@ from groundpose.lab.bodies.geometry.mesh import Component, both_sides, cross, un
 from groundpose.lab.bodies.geometry.slab import ribbon
 from groundpose.lab.bodies.parts.materials import MATERIAL
 
-# Width of a gap: a little wider than real ones, which a coarse picture would lose.
+# Width of a gap: a little more than a real one, which would vanish at a low resolution.
 _SEAM = 0.007
 
 
@@ -40,9 +40,9 @@ def seams(shape: CarShape, shell: Shell) -> list[Component]:
 def _upright(shell: Shell, z: FloatArray, sill: float, bend: float = 0.0) -> FloatArray:
     """A line (N, 3) from the belt line down to the sill."""
     top = float(shell.top_at(z[0])[1])
-    share = np.linspace(0.0, 1.0, len(z))
-    h = top - 0.004 + (sill - top) * share
-    return shell.wall.points(shell.wall.u_at_z(z + bend * np.sin(np.pi * share)), h)
+    fraction = np.linspace(0.0, 1.0, len(z))
+    h = top - 0.004 + (sill - top) * fraction
+    return shell.wall.points(shell.wall.u_at_z(z + bend * np.sin(np.pi * fraction)), h)
 
 
 def rear_door_z(shape: CarShape) -> float:

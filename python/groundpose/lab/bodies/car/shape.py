@@ -1,4 +1,4 @@
-"""The numbers that make one car: drawn per style, correlated through its age and its size."""
+"""Measures of one car, drawn for its style and correlated through its age and its size."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from groundpose.lab.bodies.dimensions import Dimensions, draw_dimensions
 
 
 class _Style(NamedTuple):
-    """Means of a style; heights are shares of the car's height, the rest metres or degrees."""
+    """Means of a style; heights are fractions of the car's height, the rest metres or degrees."""
 
     bonnet: float  # height of the bonnet's front edge
     cowl: float  # height of the windscreen's lower edge
@@ -21,7 +21,7 @@ class _Style(NamedTuple):
     rake_front: float  # windscreen from the horizontal, deg
     rake_rear: tuple[float, float]  # rear window, deg
     boot: tuple[float, float]  # length of the boot lid, m
-    roof: float  # half width of the roof's edge as a share of the body's
+    roof: float  # half width of the roof's edge as a fraction of the body's
     roof_fall: tuple[float, float]  # the roof's rear edge below its highest point, m
 
 
@@ -57,10 +57,10 @@ class CarShape:
     roof_rear_z: float
     roof_fall: float
     roof_half_width: float
-    screen_bow: float  # how far the windscreen's corners lie behind its middle
+    screen_bow: float  # distance of the windscreen's corners behind its middle
     nose_bow: float
     nose_lean: float  # bonnet's edge behind the bumper
-    nose_corner: float  # how far the front corner is drawn in
+    nose_corner: float  # inset of the front corner
     tail_corner: float
     tail_lean: float
     shoulder: float  # inset of the side at the belt line
@@ -68,7 +68,7 @@ class CarShape:
     flare: float  # of the wheel arches
     arch_gap: float  # between tyre and arch
     crease: float  # depth below the belt line of the line along the flanks
-    crease_step: float  # how far the flank is drawn in above it
+    crease_step: float  # inset of the flank above it
     two_door: bool
     rim_radius: float
     tyre_width: float
@@ -80,7 +80,7 @@ class CarShape:
 
     @property
     def bumper_height(self) -> float:
-        """Where the front stands out furthest, metres above the ground."""
+        """Height of the foremost line of the front above the ground, metres."""
         return 0.30 + 0.32 * self.bonnet_height
 
     @property
@@ -94,7 +94,7 @@ def draw_shape(style: str, rng: np.random.Generator) -> CarShape:
     row = _STYLES[style]
     age = float(rng.beta(2.2, 1.6))
     n, u = rng.normal, rng.uniform
-    # Some hatchbacks and estates are people carriers: taller, the cab further forward.
+    # Some hatchbacks and estates are people carriers: taller, with the cab further forward.
     carrier = max(0.0, u(-3.0, 1.0)) if style in ("hatchback", "estate") else 0.0
     outer = _of_age(draw_dimensions("car", style, rng), age, carrier)
     newer = age - 0.5
@@ -149,8 +149,8 @@ def draw_shape(style: str, rng: np.random.Generator) -> CarShape:
 
 
 def _of_age(outer: Dimensions, age: float, carrier: float) -> Dimensions:
-    """Older cars are smaller, narrower and stand on smaller wheels; people carriers are taller."""
-    newer = age - 0.58  # the mean of the draw: mean measures stay those of the table
+    """Measures by age and type: older cars are smaller and narrower, people carriers taller."""
+    newer = age - 0.58  # 0.58 is the mean age drawn, so mean measures are those of the table
     longer, wider = 0.20 * newer, 0.10 * newer
     return Dimensions(
         outer.length + longer,

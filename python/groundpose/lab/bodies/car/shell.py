@@ -15,18 +15,18 @@ from groundpose.lab.bodies.geometry.mesh import Component
 from groundpose.lab.bodies.geometry.wall import Wall
 from groundpose.lab.bodies.parts.materials import MATERIAL
 
-# Rows of the wall: shares of the way from its lower edge to the crease, the crease, the rounded top.
+# Rows of the wall: fractions of the distance from its lower edge to the crease, the crease, the rounded top.
 _ROWS = np.array([0.0, 0.05, 0.20, 0.42, 0.64, 0.85])
 _CREASE = np.array([-0.014, 0.014])
 _ROUND = np.deg2rad([0.0, 45.0, 90.0])
 
-# Lines of the bonnet and boot lid, shares of the half width from the edge to the middle.
+# Lines of the bonnet and boot lid, fractions of the half width from the edge to the middle.
 _LID = np.array([0.95, 0.82, 0.58, 0.30, 0.0])
 
 # Height of the tub's floor above the lower edge of the body.
 _FLOOR = 0.16
 
-# The tub's wall inside the edge of the body.
+# Distance of the tub's wall inside the edge of the body.
 SHELF = 0.125
 
 
@@ -155,8 +155,8 @@ def _lid(
     front, rear = wall.u_at_z(ends[0]), wall.u_at_z(ends[1])
     nose, tail = edge[0, 2], edge[-1, 2]
     cowl, deck = shape.cowl_z - 0.03, shape.deck_z + 0.03
-    share = u / front
-    middle_z = np.where(u <= front, nose + (cowl - nose) * share**1.25, 0.0)
+    fraction = u / front
+    middle_z = np.where(u <= front, nose + (cowl - nose) * fraction**1.25, 0.0)
     way = np.clip((u - front) / (rear - front), 0.0, 1.0)
     middle_z = np.where((u > front) & (u < rear), cowl + (deck - cowl) * way, middle_z)
     back = np.clip((wall.length - u) / (wall.length - rear), 0.0, 1.0)
@@ -190,7 +190,7 @@ def _tub(shape: CarShape, edge: FloatArray, middle_z: FloatArray, low: FloatArra
 def lid_height(
     shape: CarShape, z: FloatArray, nose_height: float, nose: float, tail_height: float, tail: float
 ) -> FloatArray:
-    """Height of bonnet and boot lid on the middle plane at z; between them nothing is meant."""
+    """Height of bonnet and boot lid on the middle plane at z; undefined between them."""
     cowl, edge, deck = shape.cowl_height, shape.bonnet_height, shape.deck_height
     length = nose - shape.cowl_z
     bonnet = along(

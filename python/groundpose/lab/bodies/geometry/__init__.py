@@ -1,1 +1,1 @@
-"""Meshes out of closed components: lofts, lathes, boxes, slabs on surfaces. Knows nothing of vehicles."""
+"""Meshes from closed components: lofts, lathes, boxes, slabs on surfaces. Independent of vehicles."""

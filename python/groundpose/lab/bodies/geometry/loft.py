@@ -1,8 +1,8 @@
-"""Surfaces from rows of points: grids, shells with a mirror plane, closed tubes, lathes.
+"""Surfaces made from rows of points: grids, shells with a mirror plane, closed tubes, lathes.
 
 The normal of a grid of points `[i, j]` made by `grid_faces` is d/di x d/dj. The right half of a body (x
 right, y down, z forward) is given as stations i from front to rear and lines j from the bottom up: its
-outward normal is d/dj x d/di, so `half_shell` and the slabs turn the faces round.
+outward normal is d/dj x d/di, so `half_shell` and the slabs reverse the faces.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ def half_shell(points: FloatArray, material: object, crease_deg: float = CREASE_
 
     Args:
         points: (N, M, 3) stations i from front to rear, each a line j from the bottom up. The whole border
-            (first and last station, first and last point of every station) must lie on x = 0; it is put
-            there. Stations and lines may collapse to a point.
+            (first and last station, first and last point of every station) must lie on x = 0; the function
+            sets it so. Stations and lines may collapse to a point.
         material: index, or (N - 1, M - 1) indices of the cells.
     """
     half = np.array(points, dtype=np.float64)
@@ -125,8 +125,8 @@ class Table:
         place = (np.asarray(at, dtype=np.float64) - self.start) / self.step
         place = np.asarray(np.minimum(np.maximum(place, 0.0), len(self.values) - 1.0))
         index = np.minimum(place.astype(np.intp), len(self.values) - 2)
-        share = np.expand_dims(place - index, tuple(range(place.ndim, place.ndim + self.values.ndim - 1)))
-        return np.asarray(self.values[index] * (1.0 - share) + self.values[index + 1] * share)
+        fraction = np.expand_dims(place - index, tuple(range(place.ndim, place.ndim + self.values.ndim - 1)))
+        return np.asarray(self.values[index] * (1.0 - fraction) + self.values[index + 1] * fraction)
 
 
 def along(values: FloatArray, positions: FloatArray, at: FloatArray) -> FloatArray:

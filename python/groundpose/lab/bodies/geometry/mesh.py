@@ -56,16 +56,16 @@ class Component:
         return self.transformed(np.diag([x, y, z]))
 
     def mirrored(self) -> Component:
-        """The component on the other side of the plane x = 0."""
+        """The component mirrored in the plane x = 0."""
         return self.scaled(-1.0, 1.0, 1.0)
 
     def transformed(self, matrix: FloatArray) -> Component:
-        """Every vertex multiplied by a (3, 3) matrix; a mirroring matrix turns the faces round again."""
+        """Every vertex multiplied by a (3, 3) matrix; a mirroring matrix also reverses the faces."""
         faces = self.faces if np.linalg.det(matrix) > 0.0 else self.faces[:, ::-1]
         return replace(self, vertices=self.vertices @ np.asarray(matrix).T, faces=faces)
 
     def painted(self, material: int) -> Component:
-        """The component all of one material."""
+        """The component with one material for all faces."""
         return replace(self, materials=np.full(len(self.faces), material, dtype=np.uint8))
 
 
@@ -107,7 +107,7 @@ def both_sides(parts: Iterable[Component]) -> list[Component]:
 
 
 def assemble(components: Sequence[Component]) -> Mesh:
-    """One mesh of all components: equal positions of each merged, empty triangles dropped, normals made."""
+    """One mesh of all components: equal positions of each merged, empty triangles dropped, with normals."""
     counts = [len(c.faces) for c in components]
     starts = np.concatenate([[0], np.cumsum([len(c.vertices) for c in components])])
     owner = np.repeat(np.arange(len(components)), np.diff(starts))
@@ -151,7 +151,7 @@ def _shaded(
     weighted = flat[face] * _corner_angles(vertices, faces).reshape(-1, 1)
     count = len(vertices)
     mean = unit(np.stack([np.bincount(owner, weighted[:, i], count) for i in range(3)], axis=1))
-    # Faces that all lie within half the limit of the mean lie within the limit of each other.
+    # Faces within half the limit of the mean are within the limit of each other.
     away = np.einsum("ij,ij->i", flat[face], mean[owner]) < np.sqrt(0.5 * (1.0 + limits))[face]
     rough = np.zeros(count, dtype=bool)
     rough[owner[away]] = True

@@ -22,7 +22,7 @@ def rounded_rectangle(width: float, height: float, radius: float, corner: int = 
     return np.concatenate([quarter @ turn + centre for turn, centre in zip(turns, centres, strict=True)])
 
 
-@lru_cache(maxsize=512)  # the same boxes come back in every body
+@lru_cache(maxsize=512)  # every body uses the same boxes
 def rounded_box(
     width: float, height: float, length: float, radius: float, material: int, corner: int = 2
 ) -> Component:

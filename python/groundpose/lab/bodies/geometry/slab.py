@@ -39,7 +39,7 @@ def slab(
         u: (N,) increasing positions along the surface.
         low, high: heights of the lower and upper edge at each u, numbers or (N,).
         material: index, or (N + 1, rows + 1) indices of the cells, bevels included.
-        thickness: metres the plate stands out.
+        thickness: of the plate above the surface, metres.
         rows: points across between the bevels, 2 or more.
         bevel: width of the sloping border; its outer edge lies `sink` below the surface.
     """

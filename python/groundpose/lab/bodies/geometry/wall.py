@@ -1,4 +1,4 @@
-"""The standing outer surface of a body: an outline seen from above, drawn in by profiles at every height.
+"""The upright outer surface of a body: an outline seen from above, inset by a profile at every height.
 
 A wall is a smooth function of `u`, the length along the outline from the middle of the front over the right
 side to the middle of the rear (metres), and `h`, the height above the ground. Lamps, grilles, plates and
@@ -95,7 +95,7 @@ class Wall:
         u = np.where(u < 0.0, -u, np.where(u > self.length, 2.0 * self.length - u, u))
         outline = self._outline(u)
         plan, normal = outline[..., :2], unit(outline[..., 2:])
-        # Drawn in along x by the side's profile and along z by the front's: round the corners both fade.
+        # Inset along x by the side's profile and along z by the front's; both fade round the corners.
         side, front, rear = np.moveaxis(self._insets(h), -1, 0)
         inset = np.stack([side, np.where(normal[..., 1] > 0.0, front, rear)], axis=-1)
         if self.bulge is not None:

@@ -1,1 +1,1 @@
-"""Parts that vehicles of all classes share, as closed components about their own origin."""
+"""Parts common to vehicles of all classes, as closed components about their own origin."""

@@ -1,4 +1,4 @@
-"""What is seen through the windows: seats, dashboard, steering wheel, driver."""
+"""Interior visible through the windows: seats, dashboard, steering wheel, driver."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from groundpose.lab.bodies.geometry.mesh import Component
 from groundpose.lab.bodies.geometry.primitives import ellipsoid, pipe, rounded_box
 from groundpose.lab.bodies.parts.materials import MATERIAL
 
-# The backrest leans back by this, radians.
+# Angle of the backrest to the vertical, radians.
 _LEAN = 0.30
 
 

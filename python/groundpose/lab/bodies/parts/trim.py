@@ -1,4 +1,4 @@
-"""Small parts outside: mirrors, handles, lamps' reflectors, plates, rails, antennas, exhausts."""
+"""Small outer parts: mirrors, handles, reflectors, plates, rails, antennas, exhausts."""
 
 from __future__ import annotations
 

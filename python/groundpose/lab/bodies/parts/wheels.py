@@ -14,15 +14,15 @@ from groundpose.lab.bodies.parts.materials import MATERIAL
 
 
 class Rim(NamedTuple):
-    """A design of rim; lengths along the spoke are shares of the rim's radius.
+    """A rim design; lengths along the spoke are fractions of the rim's radius.
 
     Args:
         spokes: number of spokes (or of webs between the holes of a cover).
-        inner, outer: share of the circle that spokes cover at the inner and outer end of the openings.
+        inner, outer: fraction of the circle that spokes cover at the inner and outer end of the openings.
         hole_in, hole_out: where the openings start and end.
-        dish: metres the hub lies behind the lip (negative: in front of it).
-        twist: radians the spokes turn from hub to lip.
-        twin: share of each spoke that is split open in its middle, 0: solid.
+        dish: distance of the hub behind the lip, metres (negative: in front of it).
+        twist: angle by which the spokes turn from hub to lip, radians.
+        twin: fraction of each spoke's width that is open in the middle; 0: solid.
     """
 
     spokes: int
@@ -69,7 +69,7 @@ def wheel(
     Args:
         radius, width: of the tyre, metres.
         rim_radius: radius of the bead.
-        phase: radians the wheel is turned.
+        phase: rotation angle of the wheel, radians.
         hub_cap: material of the cap in the middle.
     """
     return [
@@ -114,7 +114,7 @@ def _rim(width: float, bead: float, rim: Rim, hub_cap: str) -> Component:
     face, deep = 0.44 * width, -0.12 * width
     hub = face - rim.dish
     start, end = rim.hole_in, rim.hole_out
-    rings = [  # radius share, x of spokes, x of openings
+    rings = [  # fraction of the radius, x of spokes, x of openings
         (0.99, -0.43 * width, -0.43 * width),
         (1.01, 0.46 * width, 0.46 * width),
         (0.965, 0.47 * width, 0.47 * width),
@@ -124,18 +124,18 @@ def _rim(width: float, bead: float, rim: Rim, hub_cap: str) -> Component:
         (start - 0.03, hub, hub),
         (0.16, hub + _CAP_RISE, hub + _CAP_RISE),
     ]
-    share, solid, hole = np.array(rings).T
+    fraction, solid, hole = np.array(rings).T
     x = np.where(open_[None, :], hole[:, None], solid[:, None])
-    turn = _turned(rim, angle, share)
+    turn = _turned(rim, angle, fraction)
     points = np.stack(
-        [x, bead * share[:, None] * np.cos(turn), bead * share[:, None] * np.sin(turn)], axis=-1
+        [x, bead * fraction[:, None] * np.cos(turn), bead * fraction[:, None] * np.sin(turn)], axis=-1
     )
-    return _closed_disc(points, _rim_paint(share, open_, rim, hub_cap))
+    return _closed_disc(points, _rim_paint(fraction, open_, rim, hub_cap))
 
 
-def _turned(rim: Rim, angle: FloatArray, share: FloatArray) -> FloatArray:
+def _turned(rim: Rim, angle: FloatArray, fraction: FloatArray) -> FloatArray:
     """Angles (rings, samples): spokes narrow from `inner` to `outer` and twist on their way out."""
-    way = np.clip((share - rim.hole_in) / (rim.hole_out - rim.hole_in), 0.0, 1.0)[:, None]
+    way = np.clip((fraction - rim.hole_in) / (rim.hole_out - rim.hole_in), 0.0, 1.0)[:, None]
     pitch = 2.0 * np.pi / rim.spokes
     cover = rim.inner + (rim.outer - rim.inner) * way
     spoke = np.floor(angle / pitch + 0.499)
@@ -166,11 +166,11 @@ def _spoke_angles(rim: Rim) -> tuple[FloatArray, NDArray[np.bool_]]:
     return angle, np.tile([is_open for _, is_open in locals_], rim.spokes)
 
 
-def _rim_paint(share: FloatArray, open_: NDArray[np.bool_], rim: Rim, hub_cap: str) -> ByteArray:
+def _rim_paint(fraction: FloatArray, open_: NDArray[np.bool_], rim: Rim, hub_cap: str) -> ByteArray:
     """Materials (rings - 1, samples): dark where both ends of a cell lie in an opening."""
-    paint = np.full((len(share) - 1, len(open_)), MATERIAL["rim"], dtype=np.uint8)
+    paint = np.full((len(fraction) - 1, len(open_)), MATERIAL["rim"], dtype=np.uint8)
     both = open_ & np.roll(open_, -1)
-    within = (share[1:] > rim.hole_in - 0.001) & (share[:-1] < rim.hole_out - 0.001)
+    within = (fraction[1:] > rim.hole_in - 0.001) & (fraction[:-1] < rim.hole_out - 0.001)
     paint[np.ix_(within, both)] = MATERIAL["underbody"]
     paint[-1] = MATERIAL[hub_cap]
     return paint

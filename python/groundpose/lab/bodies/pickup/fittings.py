@@ -1,4 +1,4 @@
-"""What is put on and into the shells of a pickup: wheels, bumper, mirrors, plates, seats, rack, cover."""
+"""Fittings and interior of a pickup: wheels, bumper, mirrors, plates, seats, rack, cover."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from groundpose.lab.bodies.shell import Shell
 
 
 def fittings(p: Plan, cab: Shell, bed: Shell, rng: np.random.Generator) -> list[Component]:
-    """All components but the shells."""
+    """All components except the shells."""
     centres = wheel_centres(p)
     parts = [
         *common.wheel_set(centres, p.tyre_width, (p.rim, p.rim), 0.6, "chrome"),
@@ -100,7 +100,7 @@ def _handles(p: Plan) -> list[Component]:
 
 
 def _wheel_houses(p: Plan) -> list[Component]:
-    """The right wheel well as the cargo bed shows it, if it reaches above the bed's floor."""
+    """The part of the right wheel well that reaches above the bed's floor, if any."""
     d, top = p.dimensions, p.dimensions.wheel_radius + p.arch + 0.015
     if top < p.bed_floor:
         return []
@@ -128,7 +128,7 @@ def _cover(p: Plan, bed: Shell) -> Component:
 
 def _cabin(p: Plan, cab: Shell, rng: np.random.Generator) -> list[Component]:
     """Dashboard, driver's place and seats."""
-    inside, cushion = 0.5 * p.dimensions.width * p.top_share, p.belt - 0.42
+    inside, cushion = 0.5 * p.dimensions.width * p.top_fraction, p.belt - 0.42
     screen = moved(cab.point(0, "screen"), z=-p.bow - 0.06)
     parts = [padded((1.8 * inside, 0.25, 0.42), 0.07, "interior", moved(screen, y=0.1, z=-0.2))]
     z = p.pillar + 0.14

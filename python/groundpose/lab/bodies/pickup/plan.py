@@ -1,4 +1,4 @@
-"""Where everything is on a pickup: drawn once per body, read by shells, paint, keypoints and fittings."""
+"""Layout of a pickup, drawn once per body and read by shells, paint, keypoints and fittings."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Plan:
     cowl: float  # z of the foot of the windscreen
     roof_front: float  # z of its upper edge
     cab_rear: float  # z of the cab's rear wall
-    roof_back: float  # how far the cab's rear leans forward
+    roof_back: float  # forward offset of the top of the cab's rear wall
     lamp: tuple[float, float]
     bonnet: float
     belt: float
     top: float
-    top_share: float
+    top_fraction: float
     corner: tuple[float, float]
     bow: float
     bumper_rear: float  # depth of the step bumper
@@ -91,7 +91,7 @@ def plan(style: str, rng: np.random.Generator) -> Plan:
         bonnet=belt - u(0.03, 0.08),
         belt=belt,
         top=top,
-        top_share=u(0.80, 0.88),
+        top_fraction=u(0.80, 0.88),
         corner=(u(0.2, 0.28), u(0.18, 0.26)),
         bow=u(0.07, 0.12),
         bumper_rear=u(0.06, 0.14),
@@ -126,7 +126,7 @@ def cab_levels(p: Plan) -> list[Level]:
     rise, run = p.bonnet - high, nose - 0.1 - p.cowl
     middle = 0.5 * (d.clearance + 0.15 + low - 0.05)
     rows: list[tuple[str, float, float, float]] = [
-        # name, height, share of the half width, front
+        # name, height, fraction of the half width, front
         ("skirt", d.clearance + 0.06, 0.95, nose - 0.10),
         ("sill", d.clearance + 0.15, 0.985, nose - 0.03),
         ("fog", middle - 0.03, 0.99, nose - 0.014),
@@ -144,18 +144,20 @@ def cab_levels(p: Plan) -> list[Level]:
     slope = (p.cowl - p.roof_front) / (p.top - p.bonnet)
     eave = d.height - 0.03 - p.top
     for name, h in (("belt", p.belt), ("belt_cut", p.belt + 0.05), ("top_cut", p.top - 0.05), ("top", p.top)):
-        share = (h - p.belt) / (p.top - p.belt)
-        rows.append((name, h, 0.96 - (0.96 - p.top_share) * share**1.15, p.cowl - slope * (h - p.bonnet)))
+        fraction = (h - p.belt) / (p.top - p.belt)
+        rows.append(
+            (name, h, 0.96 - (0.96 - p.top_fraction) * fraction**1.15, p.cowl - slope * (h - p.bonnet))
+        )
     rows += [
-        ("eave", p.top + 0.62 * eave, p.top_share - 0.045, p.roof_front - 0.14),
-        ("roof", p.top + eave, p.top_share - 0.17, p.roof_front - 0.34),
+        ("eave", p.top + 0.62 * eave, p.top_fraction - 0.045, p.roof_front - 0.14),
+        ("roof", p.top + eave, p.top_fraction - 0.17, p.roof_front - 0.34),
     ]
     rear = np.interp([r[1] for r in rows], [p.belt, p.top, d.height], [0.0, p.roof_back, p.roof_back + 0.12])
     return [
         Level(
             name,
             h,
-            half * share,
+            half * fraction,
             front,
             p.cab_rear + float(back),
             p.corner,
@@ -164,7 +166,7 @@ def cab_levels(p: Plan) -> list[Level]:
             0.015,
             nose=0.96,
         )
-        for (name, h, share, front), back in zip(rows, rear, strict=True)
+        for (name, h, fraction, front), back in zip(rows, rear, strict=True)
     ]
 
 

@@ -1,4 +1,4 @@
-"""What is put on and into the shell of a van or bus: wheels, mirrors, plates, wipers, seats, roof units."""
+"""Fittings and interior of a van or bus: wheels, mirrors, plates, wipers, seats, roof units."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from groundpose.lab.bodies.van_bus.plan import Plan, wheel_centres
 
 
 def fittings(p: Plan, hull: Shell, rng: np.random.Generator) -> list[Component]:
-    """All components but the shell."""
+    """All components except the shell."""
     centres = wheel_centres(p)
     last = hull.columns.count - 1
     parts = [
@@ -106,7 +106,7 @@ def _side(p: Plan, hull: Shell) -> list[Component]:
 
 
 def _roof_units(p: Plan, rng: np.random.Generator) -> list[Component]:
-    """Cooling units (and whatever else stands on a bus's roof) up to the full height."""
+    """Cooling and other roof units of a bus up to the full height."""
     d = p.dimensions
     rise = d.height - p.hull_height + 0.05
     places = rng.uniform([0.05, -0.35], [0.3, -0.15]) * d.length
@@ -122,9 +122,9 @@ def _roof_units(p: Plan, rng: np.random.Generator) -> list[Component]:
 
 
 def _roof_rack(p: Plan) -> list[Component]:
-    """Bars across the roof inside the full height of the box, low on the shell's crown."""
+    """Bars across the roof within the full height of the box."""
     d = p.dimensions
-    half = 0.5 * d.width * p.top_share - p.eave - 0.03
+    half = 0.5 * d.width * p.top_fraction - p.eave - 0.03
     edge = -p.hull_height + p.crown
     places = np.linspace(p.front_stretch - 1.0, -0.5 * d.length + 0.5, 3)
     return [
@@ -145,7 +145,7 @@ def _cabin(p: Plan, hull: Shell, rng: np.random.Generator) -> list[Component]:
     """Floor, dashboard, driver's place and seats."""
     d, h = p.dimensions, p.heights
     floor = {"coach": h["belt"] - 0.65, "city_bus": h["lamp_mid"]}.get(p.style, 0.6)
-    inside = 0.5 * d.width * p.top_share - 0.1
+    inside = 0.5 * d.width * p.top_fraction - 0.1
     parts = [block(2 * inside, 0.04, d.length - 1.6, "interior", (0.0, -floor, -0.35))]
     screen = moved(hull.point(0, "screen"), z=-p.bow - 0.1)
     parts.append(padded((1.8 * inside, 0.3, 0.42), 0.07, "interior", moved(screen, y=0.12, z=-0.2)))
@@ -159,6 +159,6 @@ def _cabin(p: Plan, hull: Shell, rng: np.random.Generator) -> list[Component]:
             x = place * inside
             parts.append(block(width, 0.45, 0.45, "seat", (x, -floor - 0.225, z)))
             parts.append(block(width, 0.66, 0.12, "seat", (x, -floor - 0.76, z - 0.24)))
-    if not p.seats:  # a wall behind the places of a panel van
+    if not p.seats:  # a wall behind the seats of a panel van
         parts.append(block(2 * inside, 1.0, 0.03, "interior", (0.0, -floor - 0.5, p.windows[0].rear - 0.05)))
     return parts

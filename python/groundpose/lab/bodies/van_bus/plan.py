@@ -1,4 +1,4 @@
-"""Where everything is on a van or bus: drawn once per body, read by shell, paint, keypoints and fittings."""
+"""Layout of a van or bus, drawn once per body and read by shell, paint, keypoints and fittings."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Plan:
     bus: bool
     heights: dict[str, float] = field(default_factory=dict)
     fronts: tuple[list[float], list[float]] = field(default_factory=lambda: ([], []))
-    top_share: float = 1.0  # half width at the window top over that at the belt
+    top_fraction: float = 1.0  # half width at the window top over that at the belt
     corner: tuple[float, float] = (0.2, 0.2)
     bow: float = 0.1
     nose: float = 1.0
@@ -99,15 +99,15 @@ def levels(p: Plan) -> list[Level]:
     names = sorted(p.heights, key=lambda name: p.heights[name])
     for name in names:
         h = p.heights[name]
-        share = min(max((h - low) / (p.heights["top"] - low), 0.0), 1.3)
-        narrow = 1.0 - (1.0 - p.top_share) * share**1.3
+        fraction = min(max((h - low) / (p.heights["top"] - low), 0.0), 1.3)
+        narrow = 1.0 - (1.0 - p.top_fraction) * fraction**1.3
         tuck = {"skirt": 0.975, "sill": 0.992}.get(name, 1.0)
         # A plate's face is the rearmost point.
-        rear = -0.5 * d.length + PLATE_RISE + (0.03 if name == "skirt" else p.lean * share)
+        rear = -0.5 * d.length + PLATE_RISE + (0.03 if name == "skirt" else p.lean * fraction)
         rows.append(_level(p, name, h, half * narrow * tuck, float(np.interp(h, *p.fronts)), rear))
     top = rows[-1]
     for name, inset, drop in (("eave_low", 0.0, 1.0), ("eave", 0.26, 0.32), ("roof", 1.0, 0.0)):
-        narrow = 1.0 - (1.0 - p.top_share) * (high - drop * p.eave - low) / (p.heights["top"] - low)
+        narrow = 1.0 - (1.0 - p.top_fraction) * (high - drop * p.eave - low) / (p.heights["top"] - low)
         front = float(np.interp(high - drop * p.eave, *p.fronts)) - 1.2 * inset * p.eave
         width = half * narrow - inset * p.eave
         rows.append(_level(p, name, high - drop * p.eave, width, front, top.rear + inset * p.eave))
@@ -191,7 +191,7 @@ def _van(p: Plan, rng: np.random.Generator) -> None:
     ]
     at[-1] = 0.45 * at[-2] + 0.55 * cowl
     p.fronts = ([*edge, h["screen"], h["top"], roof], [*at, cowl, top, top - 0.9 * slope * (roof - h["top"])])
-    p.top_share, p.corner, p.bow, p.nose = (
+    p.top_fraction, p.corner, p.bow, p.nose = (
         u(0.90, 0.945),
         (u(0.2, 0.28), u(0.16, 0.22)),
         u(0.08, 0.13),
@@ -234,13 +234,13 @@ def _bus(p: Plan, rng: np.random.Generator) -> None:
     u, nose, coach = rng.uniform, 0.5 * d.length, p.style == "coach"
     lean = u(0.25, 0.5) if coach else u(0.05, 0.22)
     p.hull_height = d.height - (0.0 if coach and rng.random() < 0.5 else u(0.12, 0.2))
-    share = np.linspace(0.0, 1.0, 7)
+    fraction = np.linspace(0.0, 1.0, 7)
     top = p.hull_height
     p.fronts = (
-        [h["skirt"], h["plate"], h["bumper"], *(h["screen"] + share * (top - h["screen"]))],
-        [nose - 0.03, nose - 0.012, nose, *(nose - 0.01 - lean * share**1.8)],
+        [h["skirt"], h["plate"], h["bumper"], *(h["screen"] + fraction * (top - h["screen"]))],
+        [nose - 0.03, nose - 0.012, nose, *(nose - 0.01 - lean * fraction**1.8)],
     )
-    p.top_share, p.bow = u(0.965, 0.99), u(0.12, 0.2) if coach else u(0.05, 0.14)
+    p.top_fraction, p.bow = u(0.965, 0.99), u(0.12, 0.2) if coach else u(0.05, 0.14)
     p.corner = (u(0.3, 0.5), u(0.2, 0.34)) if coach else (u(0.18, 0.34), u(0.14, 0.26))
     p.crown, p.eave = 0.05, min(u(0.14, 0.24), 0.6 * (top - 0.05 - h["top"]))
     p.display = not coach or bool(rng.random() < 0.25)

@@ -1,4 +1,4 @@
-"""Skies that ship: panoramas and their light (CC0, see ATTRIBUTION.md)."""
+"""The bundled skies: panoramas and their light (CC0, see ATTRIBUTION.md)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 FOLDER = Path(__file__).parent
-# Rows kept of a panorama of 512: all above the horizon and 11 degrees below it.
+# Rows kept of the 512 of a panorama: those above the horizon and 11 degrees below it.
 KEPT_ROWS = 288
 
 # Environments by split: no sky of the training set is seen in validation or test.
@@ -53,7 +53,7 @@ class Environment:
 
 @cache
 def environments() -> tuple[Environment, ...]:
-    """All skies in the order of `SKIES`; the index is `Light.sky`."""
+    """All skies in the order of `SKIES`; `Light.sky` is the index."""
     with np.load(FOLDER / "environments.npz", allow_pickle=False) as file:
         names, rest = file["names"].tolist(), [file[k] for k in ("harmonics", "azimuths", "means")]
     pictures = [np.asarray(Image.open(FOLDER / f"{name}.jpg").convert("RGB")) for name in names]

@@ -1,7 +1,7 @@
-"""Makes the shipped environments: `python -m groundpose.lab.drive.assets.make_environments HDRI.npz`.
+"""Make the bundled environments: `python -m groundpose.lab.drive.assets.make_environments HDRI.npz`.
 
 The file holds `names`, `ldr` (N, 512, 1024, 3) tone-mapped panoramas and `env` (N, 32, 64, 3) light.
-Only the upper half and a strip below the horizon are kept: the ground is drawn.
+Only the upper half and a strip below the horizon are kept, because the renderer draws the ground.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def main(source: str) -> None:
 
 
 def without_marks(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Two panoramas have a saturated blue square where the sun is: overflow of the tone mapping."""
+    """The picture without the blue square at the sun, an overflow of the tone mapping in two panoramas."""
     out: NDArray[np.uint8] = picture.copy()
     values = picture.astype(int)
     out[(values[..., 2] > 120) & (values[..., 0] < 30) & (values[..., 1] < 30)] = 255

@@ -1,19 +1,15 @@
-"""Times the renderer on one core: `python -m groundpose.lab.drive.render.bench OUT.json`.
+"""Times of the renderer on one core: crops of a training set, frames, one crop antialiased in two ways.
 
-Run it pinned with one drawing thread (`LP_NUM_THREADS=1 taskset -c 1`) on a quiet machine.
-`bench_alternative.py` beside it times another package.
+The command is `groundpose.lab.training.renderer_bench`; `bench_alternative.py` times another package.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import platform
 import resource
-import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -24,45 +20,41 @@ from groundpose.lab.drive.render import Renderer, camera
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.renderer import OVERSAMPLED
 from groundpose.lab.drive.splits import bodies_of, body, scene_seed
-from groundpose.lab.training.rendered import rendered_samples
 from groundpose.vehicles import KINDS
 
-_CODEC = Codec(128, 96)
-_FRAMES = 60  # of the throughput
+CODEC = Codec(128, 96)
+FRAMES = 60  # of the throughput
 
 
-def main(path: str) -> None:
-    """Measure and write."""
+def measure(samples: Callable[[], Iterable[object]]) -> dict[str, Any]:
+    """All figures; `samples` draws the crops of `FRAMES` frames, at the size of `CODEC`."""
     renderer = Renderer()
-    figures: dict[str, Any] = {
-        "command": "LP_NUM_THREADS=1 taskset -c 1 python -m groundpose.lab.drive.render.bench",
+    return {
         "machine": {
             "cpu": platform.processor() or platform.machine(),
             "renderer": context().info["GL_RENDERER"],
         },
-        "throughput": throughput(),
+        "throughput": throughput(samples),
         "frame": frames(renderer),
         "antialiasing": antialiasing(renderer),
     }
-    old = json.loads(Path(path).read_text("utf-8")) if Path(path).exists() else {}
-    kept = {"alternatives": old["alternatives"]} if "alternatives" in old else {}
-    Path(path).write_text(json.dumps({**figures, **kept}, indent=1) + "\n", "utf-8")
 
 
-def throughput() -> dict[str, Any]:
+def throughput(samples: Callable[[], Iterable[object]]) -> dict[str, Any]:
     """Crops as `groundpose crops` draws them, at the size of a network's crop, everything included: drive,
-    labels, bodies, shadows, drawing, camera. The frames are drawn twice: the second pass finds all bodies
-    made, as a long run does after its first minutes; what the first took more is put on all the bodies."""
+    labels, bodies, shadows, drawing, camera. The frames are drawn twice. The second pass finds all bodies in
+    the cache, as a long run does after its first minutes; the extra time of the first pass is the time to
+    make the bodies."""
     passes = []
     for _ in range(2):
         wall, start = time.perf_counter(), time.process_time()
-        count = sum(1 for _ in rendered_samples(0, "train", 0, _FRAMES, _CODEC))
+        count = sum(1 for _ in samples())
         passes.append(time.process_time() - start)
     seen = body.cache_info().currsize
     bodies = (passes[0] - passes[1]) / seen * sum(bodies_of("train", kind) for kind in KINDS)
     a_crop = passes[1] / count
     return {
-        "frames": _FRAMES, "crops": count, "size": [_CODEC.width, _CODEC.height],
+        "frames": FRAMES, "crops": count, "size": [CODEC.width, CODEC.height],
         "cpu_s": round(passes[1], 2), "wall_s_of_second_pass": round(time.perf_counter() - wall, 2),
         "ms_a_crop": round(1e3 * a_crop, 2),
         "all_bodies_s": round(bodies, 1),
@@ -72,7 +64,7 @@ def throughput() -> dict[str, Any]:
 
 
 def frames(renderer: Renderer) -> dict[str, Any]:
-    """CPU seconds of 1914 x 1080 frames, staged before."""
+    """CPU seconds of 1914 x 1080 frames; staging is not timed."""
     clean, full = [], []
     for drive in range(6):
         made = scene(scene_seed(drive), 0)
@@ -86,9 +78,9 @@ def frames(renderer: Renderer) -> dict[str, Any]:
 
 
 def antialiasing(renderer: Renderer) -> dict[str, Any]:
-    """One crop drawn with 4 samples a pixel, and larger to be averaged."""
+    """One crop drawn with 4 samples per pixel, and drawn larger and averaged."""
     made = scene(scene_seed(1), 0)
-    window = camera.sampled_window((800.0, 450.0, 993.0, 594.0), (_CODEC.width, _CODEC.height))
+    window = camera.sampled_window((800.0, 450.0, 993.0, 594.0), (CODEC.width, CODEC.height))
     gl, staged = context(), renderer.stage(made)
     size = (window.width, window.height)
     fine = tuple(math.ceil(OVERSAMPLED * n) for n in size)
@@ -118,7 +110,3 @@ def _cpu(call: Callable[[], Any]) -> float:
     start = time.process_time()
     call()
     return time.process_time() - start
-
-
-if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "results/renderer.json")

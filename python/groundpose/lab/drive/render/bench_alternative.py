@@ -1,9 +1,10 @@
-"""Times VTK beside the renderer: `python -m groundpose.lab.drive.render.bench_alternative OUT.json`.
+"""Time VTK beside the renderer: `python -m groundpose.lab.drive.render.bench_alternative OUT.json`.
 
-Needs `pip install pyvista`, which groundpose does not. One car on a plane: physically based paint, light
-and reflections of a panorama, a sun with shadow map, four samples a pixel; crops of 128 x 96 and whole
-frames; the camera moves a little for every picture. Our own picture of one car on a road, with sky and
-twice the width and height, is timed beside it. Add the figures to those of `bench.py` by the same OUT.json.
+Needs `pip install pyvista`, which groundpose itself does not need. The scene is one car on a plane:
+physically based paint, light and reflections of a panorama, a sun with a shadow map, four samples per pixel;
+crops of 128 x 96 and whole frames; the camera moves a little between pictures. Our own picture of one car on
+a road, with sky and twice the width and height, is timed beside it. The figures are added to those of
+`bench.py` in OUT.json.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _REPEATS = 7
 
 
 def main(path: str) -> None:
-    """Measure what is installed, and keep the figures of the other."""
+    """Measure what is installed; figures already in the file stay."""
     file = Path(path)
     figures = json.loads(file.read_text("utf-8")) if file.exists() else {}
     kept = figures.setdefault("alternatives", {"what": "one car, CPU ms a picture, one core"})

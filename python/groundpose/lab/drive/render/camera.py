@@ -1,7 +1,7 @@
-"""What a camera makes of the light: exposure, lens, noise, sharpening, compression.
+"""Effects of a camera: exposure, lens, noise, sharpening, compression.
 
-A table of stages works on linear radiance (H, W, 3), then on display values. All is drawn from one
-generator; widths are given in pixels of the frame and are scaled to the resolution that is drawn.
+A table of stages works on linear radiance (H, W, 3), then on display values. One generator draws all random
+numbers; widths are in pixels of the frame and are scaled to the resolution drawn.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ Box = tuple[float, float, float, float]
 
 
 def sampled_window(box: Box, size: tuple[int, int]) -> Window:
-    """The window to draw for a crop: pixels of the frame when the crop magnifies (a real crop has no more to
-    give), else a little finer than the crop."""
+    """The window to draw for a crop: the frame's own pixels when the crop magnifies (a real crop has no finer
+    ones), else pixels a little finer than the crop's."""
     left, top, right, bottom = box
     scale = min(1.0, max(size[0] / (right - left), size[1] / (bottom - top)))
     pitch = 1.0 / min(1.0, 1.1 * scale)
@@ -74,7 +74,7 @@ def develop(linear: Radiance, scene: Scene, window: Window, rng: np.random.Gener
     shot = Shot(scene.light.exposure, window, scene.camera.image_size, scale, rng)
     picture = linear
     for chance, stage in STAGES:
-        # The numbers are drawn whether or not the stage is used: stages do not disturb each other.
+        # Each stage draws its numbers even if it is not used, so that stages do not affect each other.
         own = np.random.Generator(np.random.PCG64(rng.integers(2**63)))
         if own.random() < chance:
             shot.rng = own
@@ -90,8 +90,8 @@ def _expose(x: Radiance, shot: Shot) -> Radiance:
 
 
 def _glow(x: Radiance, shot: Shot) -> Radiance:
-    """Light that strays in the lens: halo around what is too bright, a veil over all."""
-    # a halo is wide: worked out on a quarter of the rows and columns
+    """Stray light in the lens: a halo around very bright areas, a veil over the whole picture."""
+    # a halo is wide, so a quarter of the rows and columns is enough
     bright = _scaled_to(np.clip(x - 1.0, 0.0, 11.0), (-(-x.shape[0] // 4), -(-x.shape[1] // 4)))
     wide = _scaled_to(_blur(bright, 7.0 * shot.scale * 0.25), x.shape[:2])
     veil = shot.rng.uniform(0.0, 0.03) * float(np.minimum(x, 2.0).mean())
@@ -107,7 +107,7 @@ def _vignette(x: Radiance, shot: Shot) -> Radiance:
 
 
 def _motion(x: Radiance, shot: Shot) -> Radiance:
-    """A streak along a random, mostly sideways direction."""
+    """Motion blur along a random, mostly horizontal direction."""
     length = min(shot.rng.exponential(1.6), 8.0) * shot.scale
     angle = shot.rng.normal(0.0, 0.4)
     taps = int(np.clip(math.ceil(length), 1, 15)) + 1
@@ -122,7 +122,7 @@ def _defocus(x: Radiance, shot: Shot) -> Radiance:
 
 
 def _fringe(x: Radiance, shot: Shot) -> Radiance:
-    """Red and blue are imaged at slightly different scales: shifts that grow from the middle."""
+    """Lateral chromatic aberration: red and blue at slightly different scales."""
     w, (width, height) = shot.window, shot.frame
     away = np.array([0.5 * (w.left + w.right - width), 0.5 * (w.top + w.bottom - height)]) / (0.5 * width)
     out: Radiance = x.copy()
@@ -134,8 +134,8 @@ def _fringe(x: Radiance, shot: Shot) -> Radiance:
 
 def _noise(x: Radiance, shot: Shot) -> Radiance:
     """Shot and read noise; colours correlated over neighbours as demosaicing leaves them."""
-    share = 1.0 / max(1.0, 1.0 / shot.scale)
-    strength = np.exp(shot.rng.normal(-4.5, 0.6)) * share
+    fraction = 1.0 / max(1.0, 1.0 / shot.scale)
+    strength = np.exp(shot.rng.normal(-4.5, 0.6)) * fraction
     sigma = strength * np.sqrt(np.maximum(x, 0.0) + 0.02)
     common = shot.rng.standard_normal(x.shape[:2], dtype=np.float32)[..., None]
     half = (x.shape[0] // 2 + 1, x.shape[1] // 2 + 1, 3)
@@ -144,7 +144,7 @@ def _noise(x: Radiance, shot: Shot) -> Radiance:
 
 
 def _tone(x: Radiance, shot: Shot) -> Radiance:
-    """Black level, clipping and the display curve, with the contrast and colour of the maker's taste."""
+    """Black level, clipping and the display curve, with a camera maker's contrast and colour."""
     black = np.float32(0.012 * shot.rng.random() ** 2)
     y = _curve((x - black) / (1 - black), float(shot.rng.uniform(0.0, 1.0)))
     grey = y.mean(axis=2, keepdims=True)
@@ -158,7 +158,7 @@ def _sharpen(x: Radiance, shot: Shot) -> Radiance:
 
 
 def _coarse(x: Radiance, shot: Shot) -> Radiance:
-    """A lower resolution on the way, brought back."""
+    """Reduce the resolution and enlarge again."""
     factor = shot.rng.uniform(0.45, 0.85)
     height, width = x.shape[:2]
     small = Pillow.fromarray(_bytes(x)).resize(
@@ -168,7 +168,7 @@ def _coarse(x: Radiance, shot: Shot) -> Radiance:
     return np.asarray(back.astype(np.float32) / np.float32(255.0))
 
 
-# Chance and stage, in the order of the light's way. Up to `_tone` values are linear.
+# Probability and stage, in the order of the light's path. Values are linear up to `_tone`.
 STAGES: tuple[tuple[float, Stage], ...] = (
     (1.0, _expose),
     (0.7, _glow),
@@ -184,7 +184,7 @@ STAGES: tuple[tuple[float, Stage], ...] = (
 
 
 def _compress(picture: Image, rng: np.random.Generator) -> Image:
-    """JPEG with or without chroma subsampling, three times of four."""
+    """JPEG with or without chroma subsampling, with probability 3/4."""
     used, quality, sampling = rng.random() < 0.75, int(rng.integers(55, 97)), int(rng.choice([0, 2, 2]))
     if not used:
         return picture
@@ -194,7 +194,7 @@ def _compress(picture: Image, rng: np.random.Generator) -> Image:
 
 
 def _curve(x: Radiance, contrast: float) -> Radiance:
-    """sRGB-like curve; `contrast` 0 to 1 bends it into an S that sinks the shadows and lifts the lights."""
+    """sRGB-like curve; `contrast` 0 to 1 bends it into an S that darkens shadows and brightens highlights."""
     y = np.clip(x, 0.0, 1.0) ** np.float32(1.0 / 2.2)
     return np.asarray(y + np.float32(contrast) * (y * y * (3 - 2 * y) - y))
 
@@ -204,7 +204,7 @@ def _bytes(x: Radiance) -> Image:
 
 
 def _blur(x: Radiance, sigma: float) -> Radiance:
-    """Gaussian blur, separable; wide ones in three boxes (Wells, 1986)."""
+    """Separable Gaussian blur; a wide one as three box filters (Wells, 1986)."""
     if sigma < 0.15:
         return x
     reach = min(math.ceil(2.5 * sigma), 18)
@@ -234,14 +234,14 @@ def _scaled_to(x: Radiance, shape: tuple[int, int]) -> Radiance:
 
 
 def _shifted(x: Radiance, dx: float, dy: float) -> Radiance:
-    """Moved by a part of a pixel or more, linear between pixels, edges repeated."""
+    """Shifted by any number of pixels, linear between pixels, edges repeated."""
     for axis, shift in ((1, dx), (0, dy)):
         if abs(shift) < 1e-3:
             continue
         low = math.floor(shift)
-        share = np.float32(shift - low)
+        fraction = np.float32(shift - low)
         index = np.arange(x.shape[axis])
         a = np.take(x, np.clip(index - low, 0, x.shape[axis] - 1), axis=axis)
         b = np.take(x, np.clip(index - low - 1, 0, x.shape[axis] - 1), axis=axis)
-        x = a * (1 - share) + b * share
+        x = a * (1 - fraction) + b * fraction
     return x

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from functools import cache
 from importlib import import_module
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ def context() -> Any:
     Raises:
         RuntimeError: moderngl or EGL is missing; the text names the packages to install.
     """
-    # triton, which torch loads late, brings an LLVM that crashes when it comes after the renderer's
+    # torch loads triton late; its LLVM crashes when it is loaded after the renderer's
     with contextlib.suppress(ImportError):
         import_module("triton")
     try:
@@ -33,12 +33,12 @@ def context() -> Any:
         raise RuntimeError(f"{HELP} ({error})") from None
     try:
         made = moderngl.create_context(standalone=True, backend="egl", require=_NEEDED)  # type: ignore[arg-type]
-    except Exception as error:  # moderngl raises plain Exception for a missing library or device
+    except Exception as error:  # moderngl raises Exception itself for a missing library or device
         raise RuntimeError(f"{HELP} ({error})") from None
     return made
 
 
-# Programs lit at the corners of their faces; the others are lit by the pixel.
+# Programs that compute light per vertex; the others do so per pixel.
 _LIT_CORNERS = ("leaf",)
 _UNLIT = ("contact", "average")
 _PATTERNS = ("PLATE", "GRILLE", "HEADLAMP", "TAILLAMP", "DISPLAY", "CABIN")
@@ -52,7 +52,7 @@ def pattern(name: str) -> float:
 def program(name: str, fragment: str | None = None, defines: tuple[str, ...] = ()) -> Any:
     """Compile `shaders/<name>.vert` with `<fragment or name>.frag`, with the lighting code where it is used.
 
-    CORNERS among the defines moves the lighting of a vehicle from the pixels to the corners of the faces.
+    The define CORNERS computes the light of a vehicle per vertex instead of per pixel.
     """
     values = [*defines, *(f"{p} {pattern(p)}" for p in _PATTERNS)]
     head = "#version 330\n" + "".join(f"#define {d}\n" for d in values)
@@ -63,17 +63,17 @@ def program(name: str, fragment: str | None = None, defines: tuple[str, ...] = (
     vertex = head + (light if corners else "") + _source(f"{name}.vert")
     return context().program(
         vertex_shader=vertex,
-        # a leaf's pixel needs the haze alone, but the names must be known
+        # the pixel shader of leaves needs only the haze, but the other names must be defined
         fragment_shader=head + ("" if "CORNERS" in defines else light) + _source(f"{fragment or name}.frag"),
     )
 
 
 def _source(name: str) -> str:
-    return (files("groundpose.lab.drive.render") / "shaders" / name).read_text("utf-8")
+    return (Path(__file__).parent / "shaders" / name).read_text("utf-8")
 
 
 def set_uniforms(target: Any, values: dict[str, Any]) -> None:
-    """Set those values that the program uses; the compiler drops the others. Arrays are float32."""
+    """Set the uniforms that the program uses; the compiler removes the others. Arrays are float32."""
     for name, value in values.items():
         if name not in target:
             continue

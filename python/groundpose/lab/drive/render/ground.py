@@ -1,4 +1,4 @@
-"""The ground on the side of OpenGL, and what it is made of."""
+"""The ground in OpenGL's memory, and its materials."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose.lab.drive import road_mesh
 from groundpose.lab.drive.render import textures
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.view import box_corners, in_view
 from groundpose.lab.drive.road import Road
+from groundpose.lab.drive.road_mesh import MATERIALS, road_mesh
 from groundpose.lab.drive.scene import Scene
 
 PROGRAMS = ("ground", "wet_ground")  # dry, wet
 _CELL = 12.0  # metres
 
-# By material of the road: layers to choose from, metres a picture covers, brightness, 1 asphalt 2 marking.
+# By material of the road: layers to choose from, metres a texture covers, brightness, 1 asphalt 2 marking.
 _SURFACES: dict[str, tuple[tuple[str, ...], float, float, float]] = {
     "asphalt": (("asphalt",), 2.4, 0.85, 1.0),
     "marking": (("asphalt",), 2.4, 0.85, 2.0),
@@ -25,7 +25,7 @@ _SURFACES: dict[str, tuple[tuple[str, ...], float, float, float]] = {
     "pavement": (("slabs", "pavers", "cobbles", "asphalt"), 2.0, 0.85, 0.0),
     "verge": (("grass", "grass", "grass", "soil"), 3.0, 0.7, 0.0),
 }
-# Other surfaces of a road by its kind, and how often.
+# Other surfaces by kind of road, and their probability.
 _PAVED: dict[str, tuple[tuple[str, ...], float]] = {
     "street": (("cobbles", "cobbles", "concrete"), 0.12),
     "yard": (("cobbles", "pavers", "concrete"), 0.4),
@@ -34,11 +34,11 @@ _PAVED: dict[str, tuple[tuple[str, ...], float]] = {
 
 
 class Ground:
-    """The triangles of a road by square cells, so that a crop draws only those it sees."""
+    """The triangles of a road in square cells, so that a crop draws only the visible ones."""
 
     def __init__(self, programs: dict[str, Any], road: Road) -> None:
         """Sort the faces into cells."""
-        mesh = road.mesh()
+        mesh = road_mesh(road)
         corners = mesh.vertices[mesh.faces]
         cell = np.floor(corners.mean(axis=1)[:, [0, 2]] / _CELL).astype(np.int64) @ [100003, 1]
         order = np.argsort(cell, kind="stable")
@@ -55,7 +55,7 @@ class Ground:
         self._arrays = {name: context().vertex_array(programs[name], [content]) for name in PROGRAMS}
 
     def draw(self, clip: NDArray[np.float64], wet: bool) -> None:
-        """Draw the cells in view; neighbours in memory in one call."""
+        """Draw the cells in view; cells that are adjacent in memory are drawn in one call."""
         array = self._arrays[PROGRAMS[wet]]
         seen = np.flatnonzero(in_view(clip, self._corners))
         if len(seen) == 0:
@@ -66,23 +66,23 @@ class Ground:
             array.render(vertices=int(3 * (last - first)), first=int(3 * first))
 
     def release(self) -> None:
-        """Give the memory back."""
+        """Release the memory."""
         for item in (*self._arrays.values(), self._buffer):
             item.release()
 
 
 def surfaces(scene: Scene) -> NDArray[np.float32]:
-    """The uniform of ground.frag: what the road is made of, drawn from the light's seed."""
+    """The uniform of ground.frag: the materials of the road, drawn from the light's seed."""
     rng = np.random.default_rng([86, scene.light.seed])
     out = np.zeros((8, 4), "f4")
-    for i, name in enumerate(road_mesh.MATERIALS):
+    for i, name in enumerate(MATERIALS):
         choice, tile, bright, kind = _SURFACES[name]
         picked = choice[rng.integers(len(choice))]
         out[i] = textures.layer(picked), tile, bright * rng.uniform(0.8, 1.2), kind
-    paved, share = _PAVED.get(scene.road.layout.kind, (("asphalt",), 0.0))
-    if rng.random() < share:
+    paved, fraction = _PAVED.get(scene.road.layout.kind, (("asphalt",), 0.0))
+    if rng.random() < fraction:
         name = paved[rng.integers(len(paved))]
         out[0, 0] = textures.layer(name)
-        out[0, 2] *= 0.55 if name == "concrete" else 1.0  # of a road it is darkened by tyres
+        out[0, 2] *= 0.55 if name == "concrete" else 1.0  # tyres darken a concrete road
     out[1, :3] = out[0, :3]  # markings lie on the same ground
     return out

@@ -1,4 +1,4 @@
-"""From a scene's `Light` to the numbers of the shaders."""
+"""Values for the shaders computed from a scene's `Light`."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Generator = np.random.Generator
 class LightKind:
     """Ranges of a kind of light; drawn by `surroundings.light` (first five) and from the light's seed.
 
-    share: how often; elevation: of the sun, degrees; strength: of the sun (white level ground under it
+    fraction: of all drives; elevation: of the sun, degrees; strength: of the sun (white level ground under it
     has this radiance); sky: of the sky, level ground likewise; exposure of the camera; warm: 0 white
-    to 1 orange sun; seen: brightness of the sky in the picture; clear: share of a painted blue sky;
-    shade: share of the street in the shade of things not drawn; haze: per kilometre; lamps: of streets
+    to 1 orange sun; seen: brightness of the sky in the picture; clear: fraction of a painted blue sky;
+    shade: fraction of the street shaded by things not drawn; haze: per kilometre; lamps: of streets
     and vehicles; skies: usable environments, empty = all of the day; wet: how often the road is.
     """
 
-    share: float
+    fraction: float
     elevation: Range
     strength: Range
     exposure: Range
@@ -47,7 +47,7 @@ DAY = ("bl_city", "bl_courtyard", "bl_forest", "bl_sunrise", "bl_sunset", "pm_pa
 GREY = ("bl_city", "bl_forest", "pm_venice", "pm_city", "pm_forest")
 LOW = ("bl_sunset", "bl_sunrise", "pm_venice", "pm_dawn", "pm_sunset")
 NIGHT = ("bl_night", "pm_night")
-# Panoramas whose sky is free enough to be seen as it is; of the others only light and reflections are used.
+# Panoramas whose sky can be shown; the others only give light and reflections.
 OPEN = ("bl_sunrise", "bl_night", "pm_park", "pm_sky", "pm_dawn", "pm_night")
 
 KINDS: dict[str, LightKind] = {
@@ -82,10 +82,10 @@ def illumination(light: Light) -> dict[str, Any]:
     turn = environment.azimuth - np.arctan2(sun[0], sun[2])
     strength, warm, shade = rng.uniform(*kind.sky), rng.uniform(*kind.warm), rng.uniform(*kind.shade)
     sun_colour = light.sun_strength * np.array([1.0, 1.0 - 0.3 * warm, 1.0 - 0.65 * warm])
-    # The camera's white balance takes part of the blue of the sky.
+    # The camera's white balance removes part of the blue of the sky.
     grey = environment.harmonics.mean(axis=1, keepdims=True)
     mean = float(environment.mean.mean())
-    # What the open road receives decides how bright road and house fronts look in a mirror.
+    # The light on the open road decides how bright road and house fronts look in a mirror.
     level = sun_colour * max(-sun[1], 0.0) * (1.0 - shade) + strength
     return {
         "sun_direction": tuple(sun),
@@ -109,19 +109,19 @@ def illumination(light: Light) -> dict[str, Any]:
 
 
 def _seen_sky(rng: Generator, kind: LightKind, strength: float, free: bool, blue: bool) -> dict[str, Any]:
-    """The painted sky (`blue` or grey) and its share: all of it where the panorama is not `free`."""
+    """The painted sky (`blue` or grey) and its fraction: all of it where the panorama is not `free`."""
     zenith = np.array([0.28, 0.5, 1.0] if blue else [0.75, 0.82, 0.9]) * rng.uniform(0.6, 1.6)
     horizon = np.array([0.9, 1.0, 1.1]) * rng.uniform(0.8, 1.8)
-    share = rng.uniform(*kind.clear) if free else 1.0
+    fraction = rng.uniform(*kind.clear) if free else 1.0
     return {
-        "sky_zenith": (*(strength * zenith), share),
+        "sky_zenith": (*(strength * zenith), fraction),
         "sky_horizon": (*(strength * horizon), rng.choice([0.0, 0.5, 1.0])),
         "sky_seen": rng.uniform(*kind.seen),
     }
 
 
 def _street(rng: Generator, kind: LightKind, strength: float, level: Floats) -> dict[str, Any]:
-    """What stands beside the road as mirrored, what closes the view, air, and the age of the road."""
+    """Reflected surroundings, background at the end of the view, haze, and age of the road."""
     tone = np.array([1.0, 1.0, 1.0] if rng.random() < 0.5 else [0.8, 1.0, 0.6])
     beside = (0.3 * level + 0.3 * strength) * rng.uniform(0.05, 0.25) * tone
     air = strength * rng.uniform(0.8, 1.3) * np.array([0.85, 0.95, 1.05])

@@ -15,7 +15,7 @@ from groundpose.lab.drive.render.context import pattern
 
 Colour = tuple[float, float, float]
 
-# Paints of European streets: linear colour, share of flakes, share of cars. Greys dominate.
+# Paints of European streets: linear colour, fraction of flakes, fraction of cars. Greys dominate.
 PAINTS: tuple[tuple[Colour, float, float], ...] = (
     ((0.004, 0.004, 0.005), 0.0, 12.0),  # black
     ((0.009, 0.009, 0.010), 0.6, 10.0),  # black metallic
@@ -37,7 +37,7 @@ PAINTS: tuple[tuple[Colour, float, float], ...] = (
     ((0.480, 0.120, 0.015), 0.3, 1.0),  # orange
 )
 # Work vehicles are white, silver, blue, red, yellow.
-_WORK_SHARES = (2, 2, 3, 3, 9, 50, 2, 3, 8, 2, 8, 1, 2, 3, 1, 0, 6, 4)
+_WORK_FREQUENCIES = (2, 2, 3, 3, 9, 50, 2, 3, 8, 2, 8, 1, 2, 3, 1, 0, 6, 4)
 _BOX_PANELS: tuple[Colour, ...] = (
     (0.70, 0.70, 0.68), (0.62, 0.62, 0.60), (0.50, 0.51, 0.52), (0.05, 0.10, 0.28), (0.30, 0.02, 0.02),
     (0.55, 0.38, 0.04), (0.06, 0.16, 0.08), (0.10, 0.10, 0.11),
@@ -74,14 +74,14 @@ def surface_tables() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The uniforms `base` and `layer` of vehicle.vert, (32, 4) each, in the order of MATERIALS."""
     base, layer = np.zeros((32, 4), np.float32), np.zeros((32, 4), np.float32)
     for i, name in enumerate(MATERIALS):
-        albedo, rough, metal, coat, drawn, share = SURFACES[name]
-        base[i], layer[i] = (*albedo, rough), (metal, coat, pattern(drawn), share)
+        albedo, rough, metal, coat, drawn, fraction = SURFACES[name]
+        base[i], layer[i] = (*albedo, rough), (metal, coat, pattern(drawn), fraction)
     return base, layer
 
 
 @dataclass(frozen=True)
 class Look:
-    """What `look_seed` decides: colours are linear, dirt and curtain 0 to 1, plate a row of `plates`."""
+    """The look that `look_seed` decides: linear colours, dirt and curtain 0 to 1, plate a row of `plates`."""
 
     paint: Colour
     flakes: float
@@ -99,8 +99,10 @@ PLATES = 32
 def look(kind: str, seed: int) -> Look:
     """The look of a vehicle of class `kind`."""
     rng = np.random.default_rng([81, seed])
-    shares = np.array([share for *_, share in PAINTS] if kind == "car" else _WORK_SHARES, dtype=float)
-    colour, flakes, _ = PAINTS[rng.choice(len(PAINTS), p=shares / shares.sum())]
+    fractions = np.array(
+        [fraction for *_, fraction in PAINTS] if kind == "car" else _WORK_FREQUENCIES, dtype=float
+    )
+    colour, flakes, _ = PAINTS[rng.choice(len(PAINTS), p=fractions / fractions.sum())]
     shade = rng.normal(1.0, 0.12)
     tone = rng.normal(1.0, 0.05, size=3)
     paint = np.clip(np.array(colour) * max(shade, 0.6) * tone, 0.0, 0.8)
@@ -122,7 +124,7 @@ def look(kind: str, seed: int) -> Look:
 
 @cache
 def plates() -> NDArray[np.uint8]:
-    """Number plates one above the other, (PLATES * 64, 256, 3)."""
+    """Number plates stacked vertically, (PLATES * 64, 256, 3)."""
     rng = np.random.default_rng(82)
     rows = []
     for i in range(PLATES):

@@ -1,4 +1,4 @@
-"""Meshes on the side of OpenGL: made once, kept while there is room, drawn many times."""
+"""Meshes in OpenGL's memory: made once, kept while there is room, drawn many times."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ Level = tuple[Floats, Faces, int]  # vertices, faces, number of the first face o
 INSTANCE_FLOATS = 28
 _ROWS = "4f 4f 4f 4f 4f 4f 4f/i"
 
-# Levels of detail, fine first: drawn pixels per metre from which a level is used, and what makes it.
+# Levels of detail, fine ones first: drawn pixels per metre from which a level is used, and its parameter.
 BODY_LEVELS = (
     (90.0, 0.0),
     (45.0, 0.035),
     (22.0, 0.08),
     (10.0, 0.16),
     (0.0, 0.3),
-)  # corners within these metres become one
-PROP_LEVELS = ((50.0, 1), (22.0, 3), (10.0, 8), (0.0, 16))  # of so many twigs one is drawn, larger
+)  # vertices within this many metres are merged
+PROP_LEVELS = ((50.0, 1), (22.0, 3), (10.0, 8), (0.0, 16))  # one of this many twigs is drawn, enlarged
 _LAID_ON = ("seam", "plate")
 _LEFT_OUT = {"underbody": 0.03, "seam": 0.08, "plate": 0.3}  # cells from which a material is not seen
-# What lies behind glass, turns or is small anyway has cells so many times larger than the panels.
+# Factor on the cell size for parts that lie behind glass, rotate or are small.
 _COARSER = {
     "interior": 4.0,
     "seat": 3.0,
@@ -44,13 +44,13 @@ _COARSER = {
     "chrome": 1.5,
     "plastic": 1.4,
 }
-# Faces with longer edges (metres) are cut: light worked out at corners must not skip a shadow.
+# Faces with longer edges (metres) are cut, so that light computed at vertices does not miss a shadow.
 _LONGEST_EDGE = 0.35
 
 
 @dataclass(frozen=True)
 class Format:
-    """How a mesh's vertices go into a program: layout and names, then those of the instance."""
+    """Vertex attributes of a program: layout and names of the mesh's, then those of the instance."""
 
     layout: str
     names: tuple[str, ...]
@@ -111,13 +111,13 @@ class GpuMesh:
             self._arrays[name].render(vertices=last - first, first=first, instances=instances)
 
     def release(self) -> None:
-        """Give the memory back."""
+        """Release the memory."""
         for item in (*self._arrays.values(), *self._buffers):
             item.release()
 
 
 def _used(program: Any, buffer: Any, layout: str, names: tuple[str, ...]) -> tuple[Any, ...]:
-    """Attributes the compiler kept; the others become gaps."""
+    """The attributes that the compiler kept; the others become padding."""
     suffix = "/i" if layout.endswith("/i") else ""
     parts = layout.removesuffix("/i").split()
     kept = [p if n in program else f"{4 * int(p[:-1])}x" for p, n in zip(parts, names, strict=True)]
@@ -133,7 +133,7 @@ class Pool:
         self._meshes: OrderedDict[Hashable, GpuMesh] = OrderedDict()
 
     def get(self, key: Hashable, make: Callable[[], GpuMesh]) -> GpuMesh:
-        """The mesh of `key`, made when it is not there."""
+        """The mesh of `key`, made if it is missing."""
         found = self._meshes.get(key)
         if found is None:
             found = self._meshes[key] = make()
@@ -147,7 +147,7 @@ class Pool:
 
 
 def level_of(levels: Sequence[tuple[float, float]], pixels_per_metre: float) -> int:
-    """The first level made for so few pixels."""
+    """Index of the first level made for this resolution."""
     return next(i for i, (least, _) in enumerate(levels) if pixels_per_metre >= least)
 
 
@@ -172,7 +172,7 @@ def vehicle_levels(body: Body) -> list[Level]:
 
 
 def _cut(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Halve the longest edge of large faces until all are short; cracks cannot show on flat faces."""
+    """Halve the longest edge of large faces until all are short; flat faces show no cracks."""
     for _ in range(8):
         corners = vertices[faces, :3]
         edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
@@ -192,12 +192,12 @@ def _cut(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
 
 
 def _clustered(vertices: Floats, faces: Faces, split: int, cell: float) -> Level:
-    """Corners in a cell, of one material and about one direction, become one (Rossignac and Borrel, 1993)."""
+    """Merge vertices in a cell of equal material and similar direction (Rossignac and Borrel, 1993)."""
     times = np.array([_COARSER.get(name, 1.0) for name in MATERIALS])[vertices[:, 9].astype(np.int64)]
     place = np.floor(vertices[:, :3] / (cell * times[:, None])).astype(np.int64) + 1024
     facing = np.rint(vertices[:, 3:6] * 0.8).astype(np.int64) + 1
     spot = (place[:, 0] * 2048 + place[:, 1]) * 2048 + place[:, 2]
-    # Thin pieces that lie on others must not sink into them.
+    # Thin parts on other parts must not sink into them.
     laid = np.isin(vertices[:, 9], [MATERIALS.index(name) for name in _LAID_ON])
     spot[laid] = -1 - np.arange(laid.sum())
     key = (spot * 27 + facing @ [9, 3, 1]) * 32 + vertices[:, 9].astype(np.int64)
@@ -215,12 +215,12 @@ def _clustered(vertices: Floats, faces: Faces, split: int, cell: float) -> Level
 
 
 def prop_levels(kind: str, variant: int) -> list[Level]:
-    """The mesh of a prop, and for afar with fewer and larger twigs."""
+    """The mesh of a prop, and coarser levels with fewer, larger twigs for greater distances."""
     mesh = props.mesh(kind, variant)
     twigs = np.isin(mesh.vertices[mesh.faces[:, 0], 8], [layer("foliage"), layer("needles")])
     levels: list[Level] = []
     for _, step in PROP_LEVELS:
-        first = mesh.faces[twigs][:, 0] // 4  # the four corners of a twig follow each other
+        first = mesh.faces[twigs][:, 0] // 4  # the four vertices of a twig are consecutive
         kept = ~twigs
         kept[twigs] = first % step == 0
         vertices = mesh.vertices.copy()

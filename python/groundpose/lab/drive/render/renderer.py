@@ -1,4 +1,4 @@
-"""Pictures of scenes: one set of meshes and shaders for whole frames and for crops of one vehicle."""
+"""Pictures of scenes: whole frames and crops of one vehicle from one set of meshes and shaders."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from groundpose.lab.drive.scene import Scene
 Image = NDArray[np.uint8]
 Radiance = NDArray[np.float32]
 
-# Drawn at so many times the width and height and averaged: on a CPU this costs less than four samples a pixel
-# (measured in results/renderer.json), and smooths textures and highlights too. Twice looks the same.
+# Pictures are drawn at this many times their width and height and averaged. On a CPU this costs less than
+# four samples per pixel (results/renderer.json) and also smooths textures and highlights; a factor of 2 looks
+# the same.
 OVERSAMPLED = 1.5
-# Below this many drawn pixels per metre the faces of a body are hardly larger than a pixel: the light is
-# worked out at their corners, which costs a fraction of doing it for the pixels each of them touches.
+# Below this many drawn pixels per metre the faces of a body are hardly larger than a pixel. Light is then
+# computed per vertex, which costs much less than per pixel.
 _CORNER_DENSITY = 110.0
 _BY_DENSITY = (("vehicle", "far_vehicle"), ("pane", "far_pane"))
 # Texture units.
@@ -32,7 +33,7 @@ _UNITS = {"panorama": 0, "grain": 1, "shadow_map": 2, "layers": 3, "plates": 4}
 
 
 class Renderer:
-    """Draws scenes. One per process; keeps meshes and the last scene, so draw crops scene by scene.
+    """Draws scenes. Make one per process. It keeps meshes and the last scene, so draw crops scene by scene.
 
     Raises:
         RuntimeError: no OpenGL; the text says what to install.
@@ -66,7 +67,7 @@ class Renderer:
     def crop(
         self, scene: Scene, index: int, box: object, size: tuple[int, int], effects: bool = True
     ) -> Image:
-        """The part of the frame inside `box`, resampled to `size`: vehicle `index` with what is around it.
+        """The part of the frame inside `box`, resampled to `size`: vehicle `index` and its surroundings.
 
         Args:
             scene: the frame's scene.
@@ -79,7 +80,7 @@ class Renderer:
             (height, width, 3) uint8.
 
         Raises:
-            InputError: an index that is not there, a box without area, a size that is not positive.
+            InputError: an index out of range, a box without area, a size that is not positive.
         """
         if not 0 <= integer("index", index) < len(scene.vehicles):
             raise input_error("index", f"0 to {len(scene.vehicles) - 1}", index)
@@ -99,7 +100,7 @@ class Renderer:
         return camera.resample(picture, window, (left, top, right, bottom), (width, height))
 
     def stage(self, scene: Scene) -> Staged:
-        """Make a scene ready to draw; `frame` and `crop` do it by themselves."""
+        """Prepare a scene for drawing; `frame` and `crop` call it."""
         for name, texture in self._textures.items():
             texture.use(_UNITS[name])
         return self._stage.prepare(scene)
@@ -147,7 +148,7 @@ class Renderer:
         target.depth_mask = True
 
     def _draw_vehicles(self, staged: Staged, vehicles: list[tuple[int, int, float]], second: bool) -> None:
-        """The bodies, or (second) their panes."""
+        """Draw the bodies or (second) their panes."""
         for i, level, density in vehicles:
             mesh = staged.vehicles.meshes[i]
             mesh.fill(staged.vehicles.rows[i : i + 1])
@@ -156,7 +157,7 @@ class Renderer:
     def _draw_props(
         self, staged: Staged, props: list[tuple[GpuMesh, int, NDArray[np.intp]]], second: bool
     ) -> None:
-        """Walls and houses, or (second) leaves and other small things."""
+        """Draw walls and houses or (second) leaves and other small things."""
         for mesh, level, shown in props:
             mesh.fill(staged.props.rows[shown])
             mesh.draw("leaf" if second else "prop", len(shown), level, second)
@@ -182,7 +183,7 @@ class Renderer:
         buffer.release()
 
     def _bind(self, scene: Scene, staged: Staged, clip: NDArray[np.float64], window: Window) -> None:
-        """Uniforms of the view, and where it is another one of the scene; textures of the scene."""
+        """Set the uniforms of the view and, when the scene changed, its uniforms and textures."""
         values: dict[str, Any] = {
             "clip_from_world": np.ascontiguousarray(clip.T, dtype="f4"),
             "ray_from_clip": np.ascontiguousarray(ray_from_clip(scene, window).T, dtype="f4"),
@@ -197,7 +198,7 @@ class Renderer:
         self._stage.shadow_map.use(_UNITS["shadow_map"])
 
     def _target(self, width: int, height: int) -> tuple[Any, Any, Any]:
-        """Framebuffer to draw into, its texture, framebuffer of the averaged picture; kept by size."""
+        """Framebuffer to draw into, its texture, framebuffer of the averaged picture; cached by size."""
         found = self._targets.get((width, height))
         if found is None:
             gl, fine = self._gl, (math.ceil(OVERSAMPLED * width), math.ceil(OVERSAMPLED * height))
@@ -215,7 +216,7 @@ class Renderer:
 
 
 def _textures() -> dict[str, Any]:
-    """Pictures that every scene uses."""
+    """Load the textures that every scene uses."""
     gl = context()
     layers = textures.layers()
     array = gl.texture_array((textures.SIZE, textures.SIZE, len(layers)), 4, layers.tobytes())

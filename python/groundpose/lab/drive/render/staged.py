@@ -1,4 +1,4 @@
-"""A scene made ready to draw: meshes placed, light worked out, shadows cast. The same for all its crops."""
+"""A scene prepared for drawing, once for all its crops: meshes placed, light computed, shadows cast."""
 
 from __future__ import annotations
 
@@ -39,27 +39,27 @@ _SHADOW_SIZE = 1024
 # Shadow maps: metres ahead of the camera, half width. Texels of 5 and 17 cm.
 _NEAR_SHADOW, _FAR_SHADOW = (16.0, 24.0), (65.0, 85.0)
 _SHADOW_DEPTH = 150.0
-# Texels per metre from which the holes between leaves show in a shadow.
+# Texels per metre from which gaps between leaves are drawn in a shadow.
 _HOLES_SEEN = 10.0
 _BODIES, _PROPS = 700, 64  # kept; 2 MB a body
 
 
 @dataclass(eq=False)
 class Things:
-    """Meshes in their places: rows of instances, the mesh of each, corners (N, 8, 3) of their boxes."""
+    """Placed meshes: rows of instances, the mesh of each, corners (N, 8, 3) of their boxes."""
 
     meshes: list[GpuMesh]
     rows: Floats
     corners: Doubles
 
     def seen(self, clip: Doubles) -> NDArray[np.intp]:
-        """Those in view."""
+        """The meshes in view."""
         return np.flatnonzero(in_view(clip, self.corners))
 
 
 @dataclass(eq=False)
 class Staged:
-    """What `Renderer` draws of one scene."""
+    """The data of one scene that `Renderer` draws."""
 
     scene: Scene
     ground: Ground
@@ -70,7 +70,7 @@ class Staged:
     uniforms: dict[str, Any] = field(default_factory=dict)
 
     def seen_vehicles(self, clip: Doubles, scale: float) -> list[tuple[int, int, float]]:
-        """Number, level of detail and drawn pixels per metre of the vehicles in view, near ones first."""
+        """Index, level of detail and drawn pixels per metre of the vehicles in view, near ones first."""
         density = self._density(self.vehicles, scale)
         seen = self.vehicles.seen(clip)
         order = seen[np.argsort(-density[seen], kind="stable")].tolist()
@@ -92,7 +92,7 @@ class Staged:
 
 
 class Stage:
-    """Keeps meshes, roads and skies on the graphics side, and the last scene."""
+    """Keeps meshes, roads and skies in OpenGL's memory, and the last scene."""
 
     def __init__(self) -> None:
         """Compile the programs that draw meshes."""
@@ -121,7 +121,7 @@ class Stage:
         }
 
     def prepare(self, scene: Scene) -> Staged:
-        """The scene ready to draw; the last one is kept."""
+        """The prepared scene; the last one is cached."""
         if self._last is not None and self._last.scene is scene:
             return self._last
         self._bodies.trim()
@@ -150,7 +150,7 @@ class Stage:
         return Things(meshes, rows, _placed(meshes, rows))
 
     def _place_props(self, scene: Scene) -> Things:
-        """Near ones first: they hide the others, which then cost little."""
+        """Place the vehicles, near ones first: they hide the others, which then cost little."""
         used = {name: self.programs[name] for name in ("prop", "leaf", "prop_depth", "leaf_depth")}
         positions = np.array([p.position for p in scene.props], float).reshape(-1, 3)
         order = np.argsort(np.linalg.norm(positions - scene.camera_position, axis=1), kind="stable")
@@ -163,7 +163,7 @@ class Stage:
         return Things(meshes, rows, _placed(meshes, rows, rows[:, 12:15]))
 
     def _ground(self, road: Road) -> Ground:
-        """Kept while the road is the same."""
+        """The mesh of the road, cached while the road is the same."""
         if self._road is None or self._road[0] is not road:
             if self._road is not None:
                 self._road[1].release()

@@ -1,7 +1,7 @@
-"""Surfaces painted by numbers: tileable pictures of asphalt, walls, facades, leaves.
+"""Procedural textures: tileable pictures of asphalt, walls, facades, leaves.
 
 Every picture is 256 x 256 RGBA. The fourth channel is the opacity of leaves, fences and signs, and the
-share of reflecting glass of facades.
+fraction of reflecting glass of facades.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _cracks(rng: Generator) -> Picture:
 def _blocks(
     rng: Generator, rows: int, columns: int, joint: float, shift: float, vary: float
 ) -> tuple[Picture, Picture]:
-    """Random brightness per block and the share of joint."""
+    """Random brightness per block, and the fraction of each pixel covered by a joint."""
     y = _ROW * rows
     row = np.floor(y).astype(int)
     x = _COLUMN * columns + shift * (row % 2)
@@ -95,8 +95,8 @@ def _grass(rng: Generator) -> Picture:
     patches = noise(rng, 1.6)
     green = np.array([0.27, 0.30, 0.17]) * (1.0 + 0.25 * blades + 0.12 * patches)[..., None]
     dry = np.array([0.42, 0.38, 0.22]) * (1.0 + 0.2 * blades)[..., None]
-    share = _smooth(0.3, 2.2, patches)[..., None]
-    return _with(green * (1 - share) + dry * share)
+    fraction = _smooth(0.3, 2.2, patches)[..., None]
+    return _with(green * (1 - fraction) + dry * fraction)
 
 
 def _plain(colour: tuple[float, float, float], fine: float, coarse: float) -> Callable[[Generator], Picture]:
@@ -163,7 +163,7 @@ def _facade(
     sill: bool,
     shutter: bool = False,
 ) -> Callable[[Generator], Picture]:
-    """Two by two bays of 3 m; `window` = left, top, right, bottom as shares of a bay."""
+    """Two by two bays of 3 m; `window` = left, top, right, bottom as fractions of a bay."""
 
     def make(rng: Generator) -> Picture:
         rgb = _rgb(wall, 1.0 + 0.03 * noise(rng, 0.6) + 0.05 * noise(rng, 2.0))

@@ -1,4 +1,4 @@
-"""The part of the image plane that is drawn, and what can be seen in it."""
+"""The part of the image plane that is drawn, and tests of what is visible in it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Window:
 
     @classmethod
     def whole(cls, scene: Scene) -> Window:
-        """The frame."""
+        """The window of the whole frame."""
         size = scene.camera.image_size
         assert size is not None
         return cls(-0.5, -0.5, size[0] - 0.5, size[1] - 0.5, *size)

@@ -16,7 +16,7 @@ import groundpose as gp
 from groundpose._checks import FloatArray, input_error
 from groundpose.formats.kitti.dataset import KittiFrame
 from groundpose.formats.kitti.labels import DONT_CARE, KIND_OF, KittiLabel
-from groundpose.formats.kitti.results import R_from_rotation_y, bottom_of
+from groundpose.formats.kitti.results import R_from_rotation_y
 from groundpose.lab.evaluate.simulated.keypoint_noise import HIDDEN, OUTSIDE, VISIBLE, Detector, Seen
 from groundpose.vehicles import KINDS, keypoint_indices, keypoint_names, shape_model
 
@@ -168,11 +168,11 @@ def _body(label: KittiLabel, key: tuple[int, int]) -> FloatArray:
     normal = np.random.default_rng(key).standard_normal(model.modes)
     coefficients = np.clip(normal, -_MOST_DEVIATION, _MOST_DEVIATION) * np.sqrt(model.eigenvalues)
     points = model.keypoints(coefficients)
-    # as `shaped_box`: the box grows with the extent of the keypoints
+    # as `ShapeModel.stretched_bbox_3d`: the box grows with the extent of the keypoints
     stretch = np.ptp(model.keypoints_3d, axis=0) / np.ptp(points, axis=0)
     size = model.bbox_3d[1] - model.bbox_3d[0]
     factor = np.array([label.width, label.height, label.length]) / size * stretch
-    return np.asarray((points - bottom_of(model)) * factor)
+    return np.asarray((points - model.bottom_centre) * factor)
 
 
 def _faces_camera(kind: str, body: FloatArray, camera: FloatArray) -> npt.NDArray[np.bool_]:

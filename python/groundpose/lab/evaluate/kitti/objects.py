@@ -8,7 +8,7 @@ import numpy as np
 
 import groundpose as gp
 from groundpose.formats.kitti.dataset import DIFFICULTIES, KittiFrames, difficulty
-from groundpose.formats.kitti.results import R_from_rotation_y, bottom_of
+from groundpose.formats.kitti.results import R_from_rotation_y
 from groundpose.formats.skips import Skips
 from groundpose.lab.contenders.objects import relative_thresholds
 from groundpose.lab.evaluate.kitti.frame import Task, prepare
@@ -42,7 +42,7 @@ def cars_of(
         for label, box, points, scores, model in given:
             if label is not None and difficulty(label) < len(DIFFICULTIES):
                 turn = R_from_rotation_y(label.rotation_y)
-                place = label.location + frame.camera_from_labels - turn @ bottom_of(model)
+                place = label.location + frame.camera_from_labels - turn @ model.bottom_centre
                 columns.append((name, box, points, scores, model, turn, place))
     if len(cameras) != 1:
         raise ValueError(f"{folder.root}: expected cars of one camera, got {len(cameras)} cameras")

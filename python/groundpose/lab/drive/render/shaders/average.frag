@@ -1,4 +1,4 @@
-// Mean over a pixel of a picture drawn finer; a glint may not outshine its neighbours without end.
+// Mean over a pixel of a picture drawn finer; the brightness of glints is limited.
 uniform sampler2D picture;
 uniform vec2 size;           // of the picture wanted
 out vec4 colour;

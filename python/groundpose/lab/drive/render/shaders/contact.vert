@@ -1,4 +1,4 @@
-// A flat piece under a vehicle that keeps the sky from the road.
+// A flat piece under a vehicle that darkens the road.
 uniform mat4 clip_from_world;
 in vec2 in_corner;
 in vec4 in_row0;

@@ -1,10 +1,10 @@
-// Leaves, fences, signs, posts, people: lit at their corners because there are so many.
+// Leaves, fences, signs, posts, people: lit per vertex because there are so many.
 uniform mat4 clip_from_world;
 in vec3 in_position;
 in vec3 in_normal;
 in vec2 in_uv;
 in vec2 in_layer;           // layer, metres a picture covers
-in vec4 in_colour;          // rgb, share of tint
+in vec4 in_colour;          // rgb, fraction of tint
 in vec4 in_row0;            // world_from_object without the size
 in vec4 in_row1;
 in vec4 in_row2;
@@ -30,7 +30,7 @@ void main() {
     vec3 view = normalize(eye - p);
     n = leafy < 0.5 && dot(n, view) < 0.0 ? -n : n;
     float nl = max(dot(n, sun_direction), 0.0);
-    // Leaves let light through towards an eye that looks at the sun.
+    // Leaves are translucent when the camera looks towards the sun.
     float sun = mix(nl, 0.75 * nl + 0.3 * max(dot(-view, sun_direction), 0.0) + 0.12, leafy);
     lit = tint * (ambient(n) + sun_colour * sun * sun_visible(p, n * (1.0 - leafy)) + ego_lamps(p, n));
     lit = in_layer.y < -0.5 ? tint * (0.25 + lamps * 3.0) : lit;

@@ -5,7 +5,7 @@ uniform vec3 sun_colour;
 uniform vec3 sky_harmonics[9];
 uniform vec2 sky_turn;            // cosine and sine: world azimuth to the panorama's
 uniform vec3 sky_gain;            // panorama to radiance
-uniform vec4 sky_zenith;          // rgb of the clear sky, share of it
+uniform vec4 sky_zenith;          // rgb of the clear sky, fraction of it
 uniform vec4 sky_horizon;         // rgb, clouds
 uniform vec3 ground_colour;       // radiance of the road around
 uniform vec4 street;              // rgb radiance of what stands beside the road, sine of its height
@@ -35,7 +35,7 @@ vec3 ambient(vec3 n) {
         + 1.092548 * (sky_harmonics[4] * d.x * d.y + sky_harmonics[5] * d.y * d.z + sky_harmonics[7] * d.x * d.z)
         + sky_harmonics[6] * 0.315392 * (3.0 * d.z * d.z - 1.0)
         + sky_harmonics[8] * 0.546274 * (d.x * d.x - d.y * d.y);
-    // What stands beside the road takes its share of the sky from upright faces.
+    // Things beside the road hide part of the sky from upright faces.
     float side = 1.0 - 0.55 * street.w * (1.0 - max(d.y, 0.0)) * 2.0;
     return max(e, 0.0) * max(side, 0.2) + ground_colour * (0.5 - 0.5 * d.y) + street.rgb * 0.3 * (1.0 - abs(d.y));
 }
@@ -68,7 +68,7 @@ vec3 sky(vec3 direction, float lod) {
     return mix(c, clear, sky_zenith.w);
 }
 
-// What a mirror on a vehicle sees: sky above, the dark sides of the street, the road below.
+// Reflection in a vehicle's surface: sky above, the dark sides of the street, the road below.
 vec3 surroundings(vec3 d, float rough) {
     float up = -d.y;
     vec2 az = vec2(atan(d.x, d.z) * 0.6366, 0.0);
@@ -87,7 +87,7 @@ float shade_of_far_things(vec3 p) {
     return 1.0 - gobo.w * smoothstep(gobo.y - gobo.z, gobo.y + gobo.z, 0.65 * n.b + 0.35 * n.g);
 }
 
-// Share of the sun that reaches a point: the fine map near the camera, else the wide one.
+// Fraction of the sun that reaches a point: the fine map near the camera, else the wide one.
 float sun_visible(vec3 p, vec3 n) {
     vec3 q = p + n * 0.03;
     vec3 a = (shadow_near * vec4(q, 1.0)).xyz, b = (shadow_far * vec4(q, 1.0)).xyz;

@@ -3,7 +3,7 @@ in vec3 in_position;
 in vec3 in_normal;
 in vec2 in_uv;
 in vec2 in_layer;           // layer, metres a picture covers
-in vec4 in_colour;          // rgb, share of tint
+in vec4 in_colour;          // rgb, fraction of tint
 in vec4 in_row0;            // world_from_object without the size
 in vec4 in_row1;
 in vec4 in_row2;

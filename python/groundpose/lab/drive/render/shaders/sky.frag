@@ -1,6 +1,6 @@
 // Sky, and a far line of trees and roofs that hides the horizon.
 uniform vec4 far_line;   // rgb, sine of its height
-uniform float sky_seen;  // what the camera sees of the sky, against what lights the scene
+uniform float sky_seen;  // brightness of the visible sky relative to the light of the scene
 in vec3 ray;
 out vec4 colour;
 void main() {

@@ -1,4 +1,4 @@
-// Shading by the pixel, or of its corners' light; number plates are pictures in both.
+// Shading per pixel, or interpolated light of the vertices; number plates are textures in both.
 uniform sampler2D plates;
 in vec3 plate;               // place in the picture of the plates, 1 where there is one
 out vec4 colour;

@@ -1,5 +1,5 @@
 // The light a point of a vehicle sends to the eye: paint with flakes under a clear coat, plastic, rubber,
-// chrome, lamps; with GLASS the panes. Used by the pixel, or with CORNERS by the corner of a face.
+// chrome, lamps; with GLASS the panes. Used per pixel, or per vertex with CORNERS.
 #ifdef CORNERS
 #define GRAIN(q) textureLod(grain, q, 2.0)
 #else
@@ -10,7 +10,7 @@ struct Point {
     vec3 p, n, local, side;   // world, normal, place within the part -1 to 1, normal in the object frame
     float height;
     vec4 surface;             // albedo, roughness
-    vec4 kind;                // metal, coat, pattern, share of paint
+    vec4 kind;                // metal, coat, pattern, fraction of paint
     vec4 state;               // dirt, lamps, brake, plate
     vec4 extra;               // random number, light through a pane
     vec3 shine;
@@ -43,7 +43,7 @@ vec4 shade(Point s) {
     albedo = mix(albedo, vec3(0.13, 0.115, 0.095), clamp(dirt, 0.0, 0.85));
     float coat = s.kind.y * (1.0 - clamp(1.4 * dirt, 0.0, 1.0));
     float metal = s.kind.x, rough = mix(s.surface.w, 0.7, clamp(dirt, 0.0, 1.0));
-    // Near the road the body and the ground keep light from each other; little comes into the cabin.
+    // Near the road the body and the ground shade each other; little light reaches the cabin.
     float open = mix(0.25, 1.0, smoothstep(-0.1, 0.75, s.height)) * (1.0 - 0.5 * max(s.side.y, 0.0));
     open *= pattern == CABIN ? 0.3 : 1.0;
     vec3 light = ambient(normal) * open + ego_lamps(p, normal);

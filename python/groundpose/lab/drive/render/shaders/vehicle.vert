@@ -1,6 +1,6 @@
 uniform mat4 clip_from_world;
 uniform vec4 base[32];      // by material: albedo, roughness
-uniform vec4 layer[32];     // by material: metal, coat, pattern, share of paint
+uniform vec4 layer[32];     // by material: metal, coat, pattern, fraction of paint
 in vec3 in_position;
 in vec3 in_normal;
 in vec3 in_local;           // place within its part, -1 to 1
@@ -51,7 +51,7 @@ void main() {
     shine += kind.z == HEADLAMP ? vec3(1.0, 0.96, 0.86) * 6.0 * on : vec3(0.0);
     shine += kind.z == TAILLAMP ? vec3(1.0, 0.06, 0.03) * (1.2 * on + 5.0 * brake) : vec3(0.0);
     shine += kind.z == DISPLAY ? vec3(1.0, 0.6, 0.1) * (0.15 + 0.6 * on) : vec3(0.0);
-    // Letters face forward or back; the rim of a plate has none.
+    // Letters are on faces turned forward or back; the rim of a plate has none.
     float letters = kind.z == PLATE && abs(side.z) > 0.6 ? 1.0 : 0.0;
     plate = vec3(local.x * sign(side.z) * -0.5 + 0.5, (0.94 * local.y * 0.5 + 0.5 + in_state.w) / 32.0, letters);
     gl_Position = clip_from_world * vec4(p, 1.0);

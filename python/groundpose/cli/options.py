@@ -1,0 +1,76 @@
+"""The solver's options as options of a command: names, types, defaults and help are those of `Options`."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Callable
+from dataclasses import Field, fields
+from functools import wraps
+from typing import Annotated, Any, Literal, get_origin, get_type_hints
+
+import typer
+
+from groundpose.cli.output import mistakes
+from groundpose.options import Options
+
+# Angles: radians in the library, degrees on the command line, whose option ends in `-deg`.
+_ANGLES = ("tilt_sigma",)
+_METAVARS = {str: "NAME", float: "X", float | None: "X", int: "N", tuple[float, float, float]: "T T T"}
+# A command line has no way to give one number per object.
+_TYPES = {"inlier_threshold": float}
+_TEXTS = {"inlier_threshold": "pixels, for all objects; default: by the longer side of the 2D box."}
+
+
+def takes_options(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with an option for each field of `Options`; it gets them together as its `options`."""
+    own = inspect.signature(command, eval_str=True)
+    options = {f.name: _parameter(f) for f in fields(Options) if f.init}
+
+    @wraps(command)
+    def typed(**given: Any) -> None:
+        said = {name: given.pop(parameter.name) for name, parameter in options.items()}
+        angles = {name: math.radians(said[name]) for name in _ANGLES if said[name] is not None}
+        values = {name: value for name, value in (said | angles).items() if value is not None}
+        with mistakes():
+            made = Options(**values)
+        command(**given, options=made)
+
+    parameters = [p for p in own.parameters.values() if p.name != "options"] + [*options.values()]
+    typed.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    typed.__annotations__ = {p.name: p.annotation for p in parameters}
+    return typed
+
+
+def _parameter(option: Field[Any]) -> inspect.Parameter:
+    name, default, hint = option.name, option.default, get_type_hints(Options)[option.name]
+    kind: Any = str if get_origin(hint) is Literal else _TYPES.get(name, hint)
+    info = typer.Option(
+        help=_help(name),
+        metavar=_METAVARS.get(kind),
+        show_default=False if default is None else _shown(default),
+        rich_help_panel="Method",
+    )
+    return inspect.Parameter(
+        f"{name}_deg" if name in _ANGLES else name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=None,
+        annotation=Annotated[kind | None, info],
+    )
+
+
+def _shown(default: Any) -> str:
+    if isinstance(default, bool):
+        return "on" if default else "off"
+    return " ".join(f"{x:g}" for x in default) if isinstance(default, tuple) else str(default)
+
+
+def _help(name: str) -> str:
+    """What the docstring of `Options` says of a field."""
+    found = re.search(rf"^    {name}: (.*(?:\n {{5,}}.*)*)", inspect.getdoc(Options) or "", re.MULTILINE)
+    text = _TEXTS.get(name) or (" ".join(found[1].split()) if found else "")
+    text = text.replace("`", "").replace("None: ", "default: ")
+    if name in _ANGLES:
+        text = text.replace("radians", "degrees")
+    return text[:1].upper() + text[1:]

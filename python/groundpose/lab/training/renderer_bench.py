@@ -1,0 +1,29 @@
+"""Time the renderer on one core: `python -m groundpose.lab.training.renderer_bench OUT.json`.
+
+Run it on a quiet machine with one drawing thread (`LP_NUM_THREADS=1 taskset -c 1`). It is in this room
+because it draws training crops.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from groundpose.lab.drive.render.bench import CODEC, FRAMES, measure
+from groundpose.lab.training.rendered import rendered_samples
+
+_COMMAND = "LP_NUM_THREADS=1 taskset -c 1 python -m groundpose.lab.training.renderer_bench"
+
+
+def main(path: str) -> None:
+    """Measure and write; figures of alternatives in the file stay."""
+    file = Path(path)
+    old = json.loads(file.read_text("utf-8")) if file.exists() else {}
+    kept = {"alternatives": old["alternatives"]} if "alternatives" in old else {}
+    figures = measure(lambda: rendered_samples(0, "train", 0, FRAMES, CODEC))
+    file.write_text(json.dumps({"command": _COMMAND, **figures, **kept}, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else "results/renderer.json")
