@@ -20,8 +20,6 @@ from groundpose.lab.timing import Clock
 
 CONFIDENCE = 0.99
 MAX_ITERATIONS = 10_000
-FEWEST_POINTS = 4
-"""With fewer keypoints a library is not asked."""
 Call = Callable[[Any, Single, Clock], tuple[Array, Array] | None]
 
 
@@ -53,7 +51,7 @@ class Library:
         R, t = nothing(len(objects))
         seconds = np.zeros(len(objects))
         for k, single in enumerate(objects.singles):
-            if len(single.keypoints_2d) < FEWEST_POINTS:
+            if len(single.keypoints_2d) < objects.fewest_points:
                 continue
             before = clock.seconds
             pose = self.call(module, single, clock)

@@ -20,7 +20,7 @@ Thresholds = tuple[float, float, float]
 # 0.0375, 0.05, 0.15 of the longer box side for vehicles (paper, sec. 4.2.2)
 HRE_CUBE: Thresholds = (1.0, 1.5, 3.0)
 HRE_VEHICLE: Thresholds = (1.0, 4.0 / 3.0, 4.0)
-_OF_ALL = ("view", "hre_thresholds", "frame_tilt_sigma")
+_OF_ALL = ("view", "hre_thresholds", "frame_tilt_sigma", "fewest_points")
 """Fields that are not one per object."""
 Some = TypeVar("Some", bound="Objects")
 
@@ -61,6 +61,8 @@ class Objects:
     """(N, P)"""
     hre_thresholds: Thresholds = HRE_VEHICLE
     """Of the paper for objects like these."""
+    fewest_points: int = 3
+    """A library is not asked with fewer keypoints; a fourth tells the solutions of three apart."""
     frame_tilt_sigma: float | None = None
     """Radians; the tilt of the view is estimated from all objects first when it is given."""
 

@@ -153,6 +153,7 @@ def given(frame: KittiFrame, prepared: Prepared, task: Task) -> Objects:
         inlier_threshold=relative_thresholds(prepared.bboxes),
         R=R,
         t=t,
+        fewest_points=4,
         frame_tilt_sigma=None if sigma is None else math.radians(sigma),
     )
 

@@ -89,6 +89,7 @@ class Vehicles:
             inlier_threshold=relative_thresholds(bboxes),
             R=self.R,
             t=self.t,
+            fewest_points=4,
         )
 
 
