@@ -67,7 +67,7 @@ ROWS = [
         "hypotheses": 10 * hypotheses,
         "steps": 10 * steps,
         "allocations": 0,
-        "us an object": count / 2000,
+        "us per object": count / 2000,
         "instructions": 10 * count,
     }
     for work, (draws, hypotheses, steps, count) in WORKS.items()
@@ -95,9 +95,9 @@ def content() -> dict:
     }
     found["overhead"] = {
         "group": "overhead",
-        "us a call": {"median": 12.0},
-        "us an object": {"median": 0.2},
-        "bytes an object": {"in": 1000.0, "out": 1000.0},
+        "us per call": {"median": 12.0},
+        "us per object": {"median": 0.2},
+        "bytes per object": {"in": 1000.0, "out": 1000.0},
     }
     found["instructions"] = {"group": "instructions", "toolchain": "rustc 1", "rows": copy.deepcopy(ROWS)}
     found["native"] = {"group": "native", "settings": {"V1": {"ratio": 1.05}, "E1": {"ratio": 0.99}}}
@@ -106,7 +106,7 @@ def content() -> dict:
         "quick": False,
         "machine": "some",
         "versions": {"python": "3"},
-        "rivals": {"PoseLib": "x"},
+        "libraries": {"PoseLib": "x"},
     }
     return {**setup, "cases": found, "pending": []}
 

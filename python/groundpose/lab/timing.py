@@ -125,7 +125,7 @@ def against(seconds: dict[str, Array], reference: str) -> list[dict[str, Any]]:
     return [
         {
             "method": name,
-            "us an object": 1e6 * float(np.median(values)),
+            "us per object": 1e6 * float(np.median(values)),
             "quartiles us": quartiles(1e6 * values),
             "ratio": float(np.median(values / seconds[reference])),
         }

@@ -108,7 +108,7 @@ def _batch(size: int) -> Race:
     """Calls with so many objects, on one thread and on two."""
     one = replace(DEFAULT, batch=size)
     rest: tuple[Contender, ...] = (replace(one, name=TWO_THREADS, threads=2), POSELIB_TUNED)
-    label, chunk = f"{size:,} object{'s' * (size > 1)} a call", max(size, CHUNK)
+    label, chunk = f"{size:,} object{'s' * (size > 1)} per call", max(size, CHUNK)
     return Race(f"batch/{size}", "batch", size, label, _vehicles, one, rest, chunk=chunk, whole=True)
 
 

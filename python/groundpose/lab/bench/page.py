@@ -25,9 +25,9 @@ _MARK = "<!-- measured {}: {} -->"
 def made_on(content: dict[str, Any]) -> str:
     """Machine and versions."""
     packages = ", ".join(f"{name} {number}" for name, number in content["versions"].items())
-    rivals = "; ".join(f"{name}: {text}" for name, text in content["rivals"].items())
+    libraries = "; ".join(f"{name}: {text}" for name, text in content["libraries"].items())
     toolchain = content["cases"].get("instructions", {}).get("toolchain", "no instructions counted")
-    return f"{content['machine']}. {packages}, {toolchain}. {rivals}."
+    return f"{content['machine']}. {packages}, {toolchain}. {libraries}."
 
 
 def vehicles(content: dict[str, Any]) -> str:
@@ -36,7 +36,7 @@ def vehicles(content: dict[str, Any]) -> str:
     lines = [
         {
             "method": f"**{each['method']}**" if each["method"] == DEFAULT else each["method"],
-            "time an object, µs": each["us"],
+            "time per object, µs": each["us"],
             "middle half": each["us quartiles"],
             "time / ours": each.get("times ours", 1.0),
             "middle half of turns": each.get("times ours, quartiles"),
@@ -101,7 +101,7 @@ def _stage(stage: dict[str, Any], machine: dict[str, Any]) -> dict[str, Any]:
         bound = min(bound, stage["operations a byte"] * machine["cache GB/s"])
     return {
         "stage": stage["stage"],
-        "µs an object": stage["us"],
+        "µs per object": stage["us"],
         "instructions": f"{stage['instructions']:,.0f}",
         "operations on paper": None if rate is None else f"{stage['operations']:,.0f}",
         "Gop/s": rate,
@@ -112,9 +112,9 @@ def _stage(stage: dict[str, Any], machine: dict[str, Any]) -> dict[str, Any]:
 
 
 def traffic(content: dict[str, Any]) -> str:
-    """Bytes an object at the measured pace."""
+    """Bytes per object at the measured pace."""
     cases = content["cases"]
-    size, us = cases["overhead"]["bytes an object"], line(cases, "batch/10000")["us"]
+    size, us = cases["overhead"]["bytes per object"], line(cases, "batch/10000")["us"]
     rate = 1e-3 * (size["in"] + size["out"]) / us
     lines = [
         {

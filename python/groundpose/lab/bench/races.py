@@ -104,13 +104,13 @@ class Race:
 
     def _absent(self, other: Contender) -> str | None:
         if other.slow_with_outliers and self.outlier_ratio >= 0.7:
-            return "needs a fifth of a second and more a call with so many outliers"
+            return "needs a fifth of a second and more per call with so many outliers"
         return other.missing()
 
     def _pair(
         self, other: Contender | None, scenes: Objects, size: int, seconds: float, effort: Effort
     ) -> list[Array]:
-        """Seconds an object of the reference and of the other, turn by turn."""
+        """Seconds per object of the reference and of the other, turn by turn."""
         rounds = int(np.clip(effort.seconds / max(seconds, 1e-9), effort.fewest, effort.rounds))
         chunks = list(itertools.islice(itertools.cycle(in_chunks(scenes, size)), rounds))
         racing = {"reference": self.reference} | ({} if other is None else {"other": other})
@@ -119,12 +119,12 @@ class Race:
 
 
 def turn(chunk: int, pace: float, effort: Effort) -> int:
-    """Objects of a turn that does not take too long for the slower of two, given its seconds an object."""
+    """Objects of a turn that does not take too long for the slower of two, given its seconds per object."""
     return int(np.clip(effort.chunk_seconds / max(pace, 1e-9), 1, chunk))
 
 
 def check(contender: Contender, scenes: Objects, effort: Effort) -> tuple[float, dict[str, Any]]:
-    """Seconds an object, roughly, and accuracy on as many objects as time allows."""
+    """Seconds per object, roughly, and accuracy on as many objects as time allows."""
     seconds_of(contender, scenes[:1])  # imports
     few = scenes[:3]
     pace = clocked(lambda: contender.solve(few, Clock())) / len(few)
@@ -142,7 +142,7 @@ def check(contender: Contender, scenes: Objects, effort: Effort) -> tuple[float,
 
 
 def timed(seconds: Array) -> dict[str, Any]:
-    """Microseconds an object."""
+    """Microseconds per object."""
     return {"us": 1e6 * float(np.median(seconds)), "us quartiles": quartiles(1e6 * seconds)}
 
 

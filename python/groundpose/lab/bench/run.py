@@ -30,7 +30,7 @@ def setup(effort: Effort) -> Content:
         "machine": report.machine(),
         "versions": versions,
         "core": core,
-        "rivals": described("bench"),
+        "libraries": described("bench"),
     }
 
 

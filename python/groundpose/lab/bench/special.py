@@ -44,9 +44,9 @@ def overhead(effort: Effort, tell: Tell) -> dict[str, Any]:
                 "quartiles": quartiles(1e6 * values),
                 "95 %": median_interval(1e6 * values),
             }
-            for name, values in (("a call", call), ("an object", each))
+            for name, values in (("per call", call), ("per object", each))
         },
-        "bytes an object": _bytes(calls[many], many),
+        "bytes per object": _bytes(calls[many], many),
         "us of whole calls": {
             str(n): 1e6 * float(m) for n, m in zip(calls, np.median(seconds, 0), strict=True)
         },
@@ -71,7 +71,7 @@ def _empty_call(count: int) -> Callable[[], gp.PoseBatch]:
 
 
 def _bytes(call: Callable[[], gp.PoseBatch], count: int) -> dict[str, float]:
-    """Given (keypoints, boxes, a model of its own) and returned, an object."""
+    """Given (keypoints, boxes, a model of its own) and returned, per object."""
     poses = call()
     handed_on = ("keypoints_2d", "bboxes")
     names = [f.name for f in fields(poses) if isinstance(getattr(poses, f.name), np.ndarray)]

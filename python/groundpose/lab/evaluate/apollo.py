@@ -46,14 +46,14 @@ def run_folder(root: Path, models: Path, split: Path | None) -> Content:
     folder = ApolloSet(root, apollo_library(models))
     images = [image for name in folder.ids(split, skipped) if (image := folder.read(name, skipped))]
     sets = [_one(each) for known in (True, False) for each in apollo_images(images, folder.models, known)]
-    return {**header(), "rivals": described("real"), "sets": sets, "skipped": skipped.record()}
+    return {**header(), "libraries": described("real"), "sets": sets, "skipped": skipped.record()}
 
 
 def run_table(data: Path) -> Content:
     """The development cars. Raises OSError."""
     return {
         **header(),
-        "rivals": described("real"),
+        "libraries": described("real"),
         "sets": [_one(apollo(data, known)) for known in (True, False)],
     }
 

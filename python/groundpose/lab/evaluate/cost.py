@@ -80,9 +80,9 @@ def memory(context: Context) -> Result:
         1024 * (b["peak KiB"] - a["peak KiB"]) / (b["objects"] - a["objects"])
         for a, b in itertools.pairwise(lines)
     ]
-    beyond = [slope - lines[-1]["input and output B an object"] for slope in slopes]
+    beyond = [slope - lines[-1]["input and output B per object"] for slope in slopes]
     for line, extra in zip(lines[1:], beyond, strict=True):
-        line["beyond B an object"] = extra
+        line["beyond B per object"] = extra
     return Result([TARGETS["memory"].check(max(beyond))], times=lines)
 
 
@@ -104,4 +104,4 @@ def peak_of_batch(count: int, seed: int) -> Detail:
     given = keypoints.nbytes + boxes.nbytes + scores.nbytes + 16 * count  # two lists of references to models
     status = Path("/proc/self/status").read_text(encoding="ascii")
     peak = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM"))
-    return {"objects": count, "peak KiB": peak, "input and output B an object": (out + given) / count}
+    return {"objects": count, "peak KiB": peak, "input and output B per object": (out + given) / count}

@@ -58,7 +58,7 @@ def line(objects: RealObjects, name: str, R: Array, t: Array, seconds: float) ->
         "median e_t %": summary.median_e_t_percent if objects.scale_known else None,
         "median e_a deg": float(np.median(np.where(np.isnan(e_a), 180.0, e_a))),
         "no answer": round((1 - summary.answered) * summary.trials),
-        "us an object": 1e6 * seconds,
+        "us per object": 1e6 * seconds,
     }
 
 
@@ -110,6 +110,6 @@ def measure(folder: Path, tell: Callable[[str], None]) -> dict[str, Any]:
         "command": "groundpose evaluate real --data $GROUNDPOSE_DATA",
         "versions": report.versions(),
         "machine": report.machine(),
-        "rivals": described("real"),
+        "libraries": described("real"),
         "sets": sets,
     }

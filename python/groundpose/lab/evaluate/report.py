@@ -140,7 +140,7 @@ def headline(solver: dict[str, Any]) -> str:
             "method": f"**{line['method']}**" if line["ratio"] == 1.0 else line["method"],
             "mean rotation error, deg": accuracy[line["method"]]["mean e_r deg"],
             "failures, %": accuracy[line["method"]]["failures %"],
-            "time per object, µs": line["us an object"],
+            "time per object, µs": line["us per object"],
             "time / ours": line["ratio"],
         }
         for line in timed
@@ -199,5 +199,5 @@ def _real(content: dict[str, Any]) -> list[str]:
 
 def _made_on(content: dict[str, Any]) -> str:
     packages = ", ".join(f"{name} {number}" for name, number in content["versions"].items())
-    rivals = "; ".join(f"{name}: {text}" for name, text in content.get("rivals", {}).items())
-    return f"{packages}. Times: {content['machine']}, one thread unless said otherwise. {rivals}".rstrip()
+    libraries = "; ".join(f"{name}: {text}" for name, text in content.get("libraries", {}).items())
+    return f"{packages}. Times: {content['machine']}, one thread unless said otherwise. {libraries}".rstrip()

@@ -35,8 +35,8 @@ def real_keypoints(context: Context) -> Result:
         TARGETS["real above 15 deg"].check(measured["above 15 deg %"]),
         TARGETS["real median e_r"].check(measured["median e_r deg"]),
     ]
-    microseconds = measured.pop("us an object")
-    return Result(checks, [measured], [{"method": measured["method"], "us an object": microseconds}])
+    microseconds = measured.pop("us per object")
+    return Result(checks, [measured], [{"method": measured["method"], "us per object": microseconds}])
 
 
 ROWS = (
@@ -96,7 +96,7 @@ def measure(trials: int, seed: int, out: Path, only: str, console: Console) -> b
             "command": _command(trials, seed),
             "versions": report.versions(),
             "machine": report.machine(),
-            "rivals": described("V1"),
+            "libraries": described("V1"),
             "rows": [by_id[row.id] for row in ROWS if row.id in by_id],
         },
     )

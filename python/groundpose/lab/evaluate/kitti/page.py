@@ -75,7 +75,7 @@ def _headline(content: Content) -> Iterator[str]:
                 "failures, %": three("failures %"),
                 "yaw above 15 deg, %": three("yaw above 15 deg %"),
                 "no answer, %": three("no answer %"),
-                "us an object": method["us an object"],
+                "us per object": method["us per object"],
             }
         )
     yield html.table(rows)

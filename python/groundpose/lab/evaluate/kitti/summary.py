@@ -129,7 +129,7 @@ def summary(found: Collected) -> dict[str, Any]:
         "objects": len(found.objects),
         "missed objects": found.missed,
         "skipped": found.skipped.record(),
-        "keypoints, us a box": 1e6 * found.keypoint_seconds / max(found.boxes, 1),
+        "keypoints, us per box": 1e6 * found.keypoint_seconds / max(found.boxes, 1),
         "self-check": {
             kind: average_precision(h) for kind, h in found.hits.get(SELF_CHECK, {}).items() if h.objects[-1]
         },
@@ -147,7 +147,7 @@ def _method(found: Collected, name: str) -> dict[str, Any]:
     return {
         "option": name,
         "method": by_option("kitti")[name].name,
-        "us an object": 1e6 * found.seconds.get(name, 0.0) / max(found.boxes, 1),
+        "us per object": 1e6 * found.seconds.get(name, 0.0) / max(found.boxes, 1),
         "by difficulty": [*by_difficulty, group("all labels", errors)],
         "by class": [
             group(kind, errors[counted & (kinds == k)]) for k, kind in enumerate(found.task.classes)
