@@ -45,7 +45,7 @@ lint: $(VENV)/installed-dev
 	cargo clippy --quiet --all-targets --features python -- --deny warnings
 	cargo clippy --quiet --no-default-features -- --deny warnings
 	cargo clippy --quiet --all-targets -- --deny warnings
-	RUSTDOCFLAGS='--deny warnings' cargo doc --quiet --no-deps --features synthetic
+	RUSTDOCFLAGS='--deny warnings --html-in-header docs/katex-header.html' cargo doc --quiet --no-deps --features synthetic
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

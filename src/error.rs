@@ -89,21 +89,12 @@ pub enum NoPose {
     NoConsensus = 4,
     /// The object's own numbers are not usable (only batches report this; alone it is an [`InputError`]).
     InvalidInput = 5,
-    /// More keypoints than the caller's fixed workspace holds.
-    WorkspaceTooSmall = 6,
 }
 
 impl NoPose {
     /// Every reason with its name; a status of 0 is `"ok"`.
-    pub const NAMES: [&'static str; 7] = [
-        "ok",
-        "too_few_keypoints",
-        "degenerate",
-        "no_hypothesis",
-        "no_consensus",
-        "invalid_input",
-        "workspace_too_small",
-    ];
+    pub const NAMES: [&'static str; 6] =
+        ["ok", "too_few_keypoints", "degenerate", "no_hypothesis", "no_consensus", "invalid_input"];
 
     /// The name used in Python and in files.
     #[must_use]
@@ -119,3 +110,43 @@ impl fmt::Display for NoPose {
 }
 
 impl core::error::Error for NoPose {}
+
+/// Why an estimate of one object did not return a pose: the two kinds of failure, apart.
+///
+/// ```
+/// use groundpose::{EstimateError, InputError, NoPose, Options};
+///
+/// let wrong: InputError = Options { confidence: 99.0, ..Options::default() }.check().unwrap_err();
+/// let texts = [EstimateError::Input(wrong), EstimateError::NoPose(NoPose::NoConsensus)].map(|e| e.to_string());
+/// assert_eq!(texts, ["confidence: expected a probability between 0 and 1, got 99", "no_consensus"]);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum EstimateError {
+    /// The caller's mistake.
+    Input(InputError),
+    /// The data has no answer.
+    NoPose(NoPose),
+}
+
+impl From<InputError> for EstimateError {
+    fn from(error: InputError) -> Self {
+        Self::Input(error)
+    }
+}
+
+impl From<NoPose> for EstimateError {
+    fn from(reason: NoPose) -> Self {
+        Self::NoPose(reason)
+    }
+}
+
+impl fmt::Display for EstimateError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(error) => error.fmt(f),
+            Self::NoPose(reason) => reason.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for EstimateError {}

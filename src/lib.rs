@@ -61,8 +61,8 @@
 //!
 //! # Three kinds of failure
 //!
-//! The caller's mistake is an [`InputError`] that names argument, expected and got. Data without
-//! an answer is a [`NoPose`] with its reason. A panic would be a bug of this crate.
+//! The caller's mistake is an [`InputError`] that names argument, expected and got. Data without an answer is a
+//! [`NoPose`] with its reason. An [`EstimateError`] is one of the two. A panic would be a bug of this crate.
 //!
 //! # Features
 //!
@@ -92,11 +92,13 @@ mod simd;
 pub mod synthetic;
 #[cfg(all(test, feature = "std"))]
 mod tests;
+mod tuning;
 
-pub use error::{Got, InputError, NoPose};
+pub use error::{EstimateError, Got, InputError, NoPose};
 #[cfg(feature = "rayon")]
 pub use estimate::batch::OBJECTS_PER_TASK;
-pub use estimate::estimator::{Estimate, Estimator};
+pub use estimate::describe::Estimate;
+pub use estimate::estimator::Estimator;
 pub use estimate::frame_tilt::{FrameTilt, UpAxis, frame_tilt};
 pub use estimate::options::{Options, Solver};
 #[cfg(feature = "std")]
@@ -105,6 +107,7 @@ pub use estimate::workspace::{Buffers, FixedWorkspace, Workspace};
 pub use geometry::bbox::Bbox;
 pub use geometry::camera::Camera;
 pub use geometry::footprint::{Footprint, MAX_CORNERS};
+pub use geometry::lens::Lens;
 pub use geometry::pose::Pose;
 pub use geometry::view::{Tilt, View};
 pub use model::observation::Observation;

@@ -11,6 +11,7 @@ use crate::geometry::math::{cos, log, sqrt};
 use crate::geometry::pose::Pose;
 use crate::geometry::view::{Tilt, View};
 use crate::search::sampler::Stream;
+use crate::tuning::RELATIVE_THRESHOLD;
 
 /// Which scenes.
 ///
@@ -85,13 +86,13 @@ pub struct Protocol {
     pub kind: Kind,
     /// Number of points (`Cube` only).
     pub n_points: usize,
-    /// Share of outliers (`Cube` only; `Vehicle` draws 20 to 50 %).
+    /// Fraction of outliers (`Cube` only; `Vehicle` draws 20 to 50 %).
     pub outlier_ratio: f64,
     /// Where outliers fall.
     pub outliers: Outliers,
     /// Noise of a coordinate, pixels (`Cube` only; `Vehicle` draws 1 to 3 % of the box).
     pub noise_sigma: f64,
-    /// True pitch, radians, while 0 is told (`Cube` only; `Vehicle` draws it with 1.5 degrees).
+    /// True pitch, radians; the nominal one is 0 (`Cube` only; `Vehicle` draws it with 1.5 degrees).
     pub pitch_error: f64,
     /// Error of the box sides, pixels.
     pub bbox_error: f64,
@@ -147,14 +148,13 @@ pub struct Scene {
 const VEHICLE_HALF_SIZE: [f64; 3] = [0.9, 0.75, 2.25];
 const VEHICLE_CAMERA_HEIGHT: f64 = 1.5;
 const VEHICLE_PITCH_SIGMA_DEG: f64 = 1.5;
-const RELATIVE_THRESHOLD: f64 = 0.0375;
 
 impl Protocol {
     /// # Errors
     /// A value outside its range.
     pub fn check(&self) -> Result<(), InputError> {
         let r = self.outlier_ratio;
-        require((0.0..1.0).contains(&r), "outlier_ratio", "a share in [0, 1)", Got::Number(r))?;
+        require((0.0..1.0).contains(&r), "outlier_ratio", "a fraction in [0, 1)", Got::Number(r))?;
         require(self.n_points >= 1, "n_points", "at least 1", Got::Count(self.n_points))?;
         let s = self.noise_sigma;
         require(s.is_finite() && s >= 0.0, "noise_sigma", "pixels >= 0", Got::Number(s))?;
@@ -171,7 +171,7 @@ impl Protocol {
             Kind::Cube => (800.0, 640.0, 480.0),
             Kind::Vehicle => (1000.0, 1914.0, 1080.0),
         };
-        Camera { fx: f, fy: f, cx: 0.5 * width, cy: 0.5 * height, distortion: None, image_size: Some([width, height]) }
+        Camera { fx: f, fy: f, cx: 0.5 * width, cy: 0.5 * height, lens: None, image_size: Some([width, height]) }
     }
 
     /// 3D box of the object.

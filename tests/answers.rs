@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{Case, Random};
+use common::{Case, Random, reason};
 use groundpose::synthetic::{BboxError, Kind, Outliers, Protocol};
 use groundpose::{Estimate, Estimator, GrowingWorkspace, NoPose, Options, Refinement, Solver, Tilt, View, Workspace};
 
@@ -193,7 +193,8 @@ fn answers(group: &Group) -> (u64, u64) {
     let (mut hash, mut poses) = (Hash(0xCBF2_9CE4_8422_2325), 0);
     for trial in 0..group.objects {
         let case = (group.object)(trial, &mut Random(trial));
-        let answer = case.with_observation(|o| estimator.estimate_indexed(&case.view, o, &mut workspace, trial));
+        let answer =
+            case.with_observation(|o| estimator.estimate_indexed(&case.view, o, &mut workspace, trial)).map_err(reason);
         hash.bytes(answer.as_ref().map_or_else(|reason| reason.name(), |_| NoPose::NAMES[0]).as_bytes());
         if let Ok(estimate) = answer {
             hash.estimate(&estimate, workspace.residuals());

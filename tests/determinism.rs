@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Case, Random};
+use common::{Case, Random, reason};
 use groundpose::synthetic::{Kind, Protocol};
 use groundpose::{
     Bbox, Estimate, Estimator, FixedWorkspace, GrowingWorkspace, NoPose, Observation, Options, ShapeModel, Solver,
@@ -70,14 +70,15 @@ fn batch_is_the_serial_loop_for_any_number_of_threads() {
     for options in solvers() {
         let estimator = Estimator::new(options).unwrap();
         let mut workspace = GrowingWorkspace::new();
-        let one_by_one =
-            |(i, o): (usize, &Observation)| bits(&estimator.estimate_indexed(&view, o, &mut workspace, i as u64));
+        let one_by_one = |(i, o): (usize, &Observation)| {
+            bits(&estimator.estimate_indexed(&view, o, &mut workspace, i as u64).map_err(reason))
+        };
         let serial: Vec<String> = observations.iter().enumerate().map(one_by_one).collect();
         assert!(serial.iter().filter(|s| s.starts_with("Ok")).count() > 50);
         assert!(serial.iter().any(|s| s.starts_with("Err")));
         for threads in [1, 2, 3, 7] {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let batch = pool.install(|| estimator.estimate_batch(&view, &observations));
+            let batch = pool.install(|| estimator.estimate_batch(&view, &observations)).unwrap();
             let batch: Vec<String> = batch.iter().map(bits).collect();
             assert_eq!(batch, serial, "{threads} threads");
         }
@@ -92,9 +93,9 @@ fn fixed_and_growing_workspaces_new_and_used_give_the_same_bits() {
         for case in cases() {
             case.with_observation(|o| {
                 let mut fresh = GrowingWorkspace::new();
-                let expected = bits(&estimator.estimate(&case.view, o, &mut fresh));
-                assert_eq!(bits(&estimator.estimate(&case.view, o, &mut fixed)), expected);
-                assert_eq!(bits(&estimator.estimate(&case.view, o, &mut growing)), expected);
+                let expected = bits(&estimator.estimate(&case.view, o, &mut fresh).map_err(reason));
+                assert_eq!(bits(&estimator.estimate(&case.view, o, &mut fixed).map_err(reason)), expected);
+                assert_eq!(bits(&estimator.estimate(&case.view, o, &mut growing).map_err(reason)), expected);
                 let residuals = format!("{:?}", fresh.residuals());
                 assert_eq!(format!("{:?}", fixed.residuals()), residuals);
                 assert_eq!(format!("{:?}", growing.residuals()), residuals);
@@ -110,7 +111,9 @@ fn the_seed_and_the_index_choose_the_draws() {
     let run = |seed: u64, index: u64| {
         let estimator = Estimator::new(Options::default().with_seed(seed)).unwrap();
         let mut workspace = GrowingWorkspace::new();
-        case.with_observation(|o| bits(&estimator.estimate_indexed(&case.view, o, &mut workspace, index)))
+        case.with_observation(|o| {
+            bits(&estimator.estimate_indexed(&case.view, o, &mut workspace, index).map_err(reason))
+        })
     };
     assert_eq!(run(3, 5), run(3, 5));
     assert!((1..20).any(|seed| run(seed, 0) != run(0, 0)));

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Files of the modules that `lib.rs` makes public and, for a room, of the modules that it makes public.
+/// Files of the modules that `lib.rs` makes public, of those that they make public, and so on.
 fn public_files() -> Vec<PathBuf> {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let public = |file: &Path| -> Vec<String> {
@@ -13,14 +13,13 @@ fn public_files() -> Vec<PathBuf> {
         let names = text.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';').map(str::to_owned));
         names.collect()
     };
-    let mut files = vec![];
-    for name in public(&src.join("lib.rs")) {
-        let room = src.join(&name).join("mod.rs");
-        if room.is_file() {
-            files.extend(public(&room).iter().map(|file| src.join(format!("{name}/{file}.rs"))));
-            files.push(room);
-        } else {
-            files.push(src.join(format!("{name}.rs")));
+    let (mut files, mut open) = (vec![], vec![(src.clone(), src.join("lib.rs"))]);
+    while let Some((folder, file)) = open.pop() {
+        for name in public(&file) {
+            let room = folder.join(&name);
+            let file = if room.is_dir() { room.join("mod.rs") } else { folder.join(format!("{name}.rs")) };
+            files.push(file.clone());
+            open.push((room, file));
         }
     }
     files
@@ -64,10 +63,14 @@ fn every_public_item_has_an_example() {
         let text = fs::read_to_string(&file).expect("text");
         let text = text.split("#[cfg(test)]").next().expect("a first part");
         let words = words_of_examples(text);
-        let (mut own, mut in_trait) = (false, false);
+        let (mut own, mut inside, mut in_trait) = (false, false, false);
         for line in text.lines() {
-            if line.trim_start().starts_with("///") {
-                own |= line.trim_end().ends_with("/// ```");
+            if let Some(comment) = line.trim_start().strip_prefix("///") {
+                if let Some(language) = comment.trim().strip_prefix("```") {
+                    inside = !inside;
+                    // An equation is no example.
+                    own |= inside && language.is_empty();
+                }
                 continue;
             }
             if line.trim_start().starts_with("#[") {

@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 use common::{Case, Random};
 use groundpose::synthetic::{Kind, Protocol};
 use groundpose::{
-    Bbox, Camera, Estimator, FixedWorkspace, Footprint, InputError, MAX_CORNERS, MAX_MODES, NoPose, Observation,
-    Options, Refinement, ShapeModel, Solver, Tilt, View,
+    Bbox, Camera, EstimateError, Estimator, FixedWorkspace, Footprint, InputError, MAX_CORNERS, MAX_MODES, NoPose,
+    Observation, Options, Refinement, ShapeModel, Solver, Tilt, View,
 };
 
 const NAN: f64 = f64::NAN;
@@ -190,7 +190,6 @@ fn reason(change: impl FnOnce(&mut Case), options: Options) -> NoPose {
 fn every_reason_for_no_pose_is_reached() {
     let default = Options::default();
     let p1p = Options { solver: Solver::P1p, ..default };
-    let p1p_height = Options { solver: Solver::P1pHeight, ..default };
     let unseen = |count: usize| move |case: &mut Case| case.keypoints_2d[count..].fill([NAN; 2]);
     let noise = |case: &mut Case| {
         let [left, top, right, bottom] = case.bbox.unwrap();
@@ -207,7 +206,6 @@ fn every_reason_for_no_pose_is_reached() {
         ("one point", NoPose::Degenerate, reason(|c| c.keypoints_3d.fill([0.1; 3]), default)),
         ("points on a line", NoPose::Degenerate, reason(|c| line(&mut c.keypoints_3d), default)),
         ("P1P without a box", NoPose::NoHypothesis, reason(|c| c.bbox = None, p1p)),
-        ("no height", NoPose::NoHypothesis, reason(|_| (), p1p_height)),
         ("a box elsewhere", NoPose::NoHypothesis, reason(|c| c.bbox = Some([-9e5, 0.0, -8.99e5, 9.0]), p1p)),
         ("keypoints anywhere", NoPose::NoConsensus, reason(noise, default)),
         ("asked too much", NoPose::NoConsensus, reason(|_| (), Options { max_log10_nfa: -1e9, ..default })),
@@ -217,16 +215,38 @@ fn every_reason_for_no_pose_is_reached() {
         assert_eq!(found, expected, "{name}");
         reached.insert(found.name());
     }
-    let case = good();
-    let too_small = case.with_observation(|o| {
-        Estimator::new(default).unwrap().estimate(&case.view, o, &mut FixedWorkspace::<23>::new()).unwrap_err()
-    });
-    assert_eq!(too_small, NoPose::WorkspaceTooSmall);
-    reached.insert(too_small.name());
     // What is left: no failure, and the reason that only Python's batches give.
     let rest: Vec<&str> = NoPose::NAMES.into_iter().filter(|name| !reached.contains(name)).collect();
     assert_eq!(rest, ["ok", "invalid_input"]);
     assert_eq!(NoPose::InvalidInput.to_string(), "invalid_input");
+}
+
+#[test]
+fn estimates() {
+    let case = good();
+    let (default, p1p_height) = (Options::default(), Options { solver: Solver::P1pHeight, ..Options::default() });
+    let alone = |options: Options| {
+        let mut workspace = FixedWorkspace::<23>::new();
+        let estimator = Estimator::new(options).unwrap();
+        match case.with_observation(|o| estimator.estimate(&case.view, o, &mut workspace)) {
+            Err(EstimateError::Input(error)) => Err(error),
+            Ok(_) | Err(EstimateError::NoPose(_)) => Ok(()),
+        }
+    };
+    let many = |options: Options| {
+        case.with_observation(|o| done(Estimator::new(options).unwrap().estimate_batch(&case.view, &[*o])))
+    };
+    let frame = |options: Options, sigma: f64| {
+        case.with_observation(|o| done(Estimator::new(options).unwrap().estimate_frame(&case.view, &[*o], sigma)))
+    };
+    assert_named([
+        (alone(default), "keypoints_2d", "24"),
+        (alone(p1p_height), "view", "none"),
+        (many(p1p_height), "view", "none"),
+        (frame(p1p_height, 0.1), "view", "none"),
+        (frame(default, 0.0), "frame_tilt_sigma", "0"),
+        (frame(default, INF), "frame_tilt_sigma", "inf"),
+    ]);
 }
 
 /// What is refused is the covariance that was asked for, not the pose.

@@ -5,11 +5,12 @@ use std::fs;
 use std::path::Path;
 
 /// The rooms from the ground to the roof, each with its files in the same order. A room without files is one file.
-const ROOMS: [(&str, &[&str]); 10] = [
+const ROOMS: [(&str, &[&str]); 11] = [
     ("error", &[]),
-    ("geometry", &["math", "bbox", "footprint", "camera", "view", "pose"]),
+    ("tuning", &[]),
+    ("geometry", &["math", "bbox", "footprint", "lens", "camera", "view", "pose"]),
     ("model", &["shape_model", "observation"]),
-    ("simd", &["lanes", "avx", "dispatch", "blocks"]),
+    ("simd", &["lanes", "avx", "dispatch", "blocks", "projection"]),
     ("minimal", &["p1p", "p1p_height", "up2p", "p3p"]),
     ("search", &["score", "sampler", "ransac", "noise", "false_alarms"]),
     (
@@ -19,6 +20,7 @@ const ROOMS: [(&str, &[&str]); 10] = [
             "box_extremes",
             "box_sides",
             "normal",
+            "keypoints",
             "normal_pose",
             "normal_joint",
             "priors",
@@ -28,7 +30,23 @@ const ROOMS: [(&str, &[&str]); 10] = [
             "covariance",
         ],
     ),
-    ("estimate", &["workspace", "options", "points", "hypothesise", "job", "estimator", "frame_tilt", "batch"]),
+    (
+        "estimate",
+        &[
+            "workspace",
+            "options",
+            "object",
+            "attempt",
+            "search",
+            "refine",
+            "verify",
+            "describe",
+            "pipeline",
+            "estimator",
+            "frame_tilt",
+            "batch",
+        ],
+    ),
     ("synthetic", &[]),
     ("python", &[]),
 ];
@@ -42,6 +60,12 @@ type Place = (usize, usize);
 fn place(room: &str, file: &str) -> Option<Place> {
     let number = ROOMS.iter().position(|(name, _)| *name == room)?;
     Some((number, ROOMS[number].1.iter().position(|name| *name == file).map_or(0, |k| k + 1)))
+}
+
+/// The files of a folder in a room, which count as one.
+fn text_of(folder: &Path) -> String {
+    let files = fs::read_dir(folder).expect("a folder").map(|file| file.expect("an entry").path());
+    files.map(|file| fs::read_to_string(file).expect("text")).collect()
 }
 
 /// Every file of a room, with its path as `room::file` and its text.
@@ -61,7 +85,8 @@ fn files() -> Vec<(String, String, String)> {
         for file in fs::read_dir(&path).expect("a room") {
             let file = file.expect("an entry").path();
             let name = file.file_stem().expect("a name").to_str().expect("ASCII").to_owned();
-            found.push((room.clone(), name, fs::read_to_string(&file).expect("text")));
+            let text = if file.is_dir() { text_of(&file) } else { fs::read_to_string(&file).expect("text") };
+            found.push((room.clone(), name, text));
         }
     }
     found

@@ -6,13 +6,14 @@ use std::process::Command;
 /// Folders of the crate.
 const FOLDERS: [&str; 3] = ["src/", "benches/", "examples/rust_batch/"];
 /// Files beside the folders; cargo makes the last two.
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     "CHANGELOG.md",
     "Cargo.lock",
     "Cargo.toml",
     "LICENSE-APACHE",
     "LICENSE-MIT",
     "README.md",
+    "docs/katex-header.html",
     "Cargo.toml.orig",
     ".cargo_vcs_info.json",
 ];

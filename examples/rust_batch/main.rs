@@ -35,7 +35,7 @@ fn estimate(view: &View, protocol: &Protocol, scenes: &[Scene]) -> Result<Vec<Re
         .zip(&models)
         .map(|(scene, model)| Ok(Observation::new(&scene.keypoints_2d, model)?.with_bbox(Bbox::new(scene.bbox)?)))
         .collect::<Result<Vec<_>, InputError>>()?;
-    Ok(Estimator::new(Options::default())?.estimate_batch(view, &observations))
+    Estimator::new(Options::default())?.estimate_batch(view, &observations)
 }
 
 /// Rows of the first objects: estimate, standard deviation and truth.

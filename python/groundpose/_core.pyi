@@ -17,7 +17,6 @@ __all__ = [
     "build_info",
     "default_options",
     "estimate_batch",
-    "frame_tilt",
     "solve_p1p",
     "solve_p1p_height",
     "solve_p3p",
@@ -109,10 +108,8 @@ def estimate_batch(
     inlier_thresholds: _Floats | None,
     options: Options,
     threads: int,
-) -> dict[str, NDArray[Any]]: ...
-def frame_tilt(
-    view: View, R: _Floats, covariance: _Floats, prior_sigma: float
-) -> tuple[float, float, _Floats, float]: ...
+    frame_tilt_sigma: float | None = None,
+) -> dict[str, Any]: ...
 def solve_p1p(
     view: View,
     model: Model,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -67,13 +66,13 @@ def estimate_poses(
             NaN: not seen. None: all weigh the same.
         options: see `Options`.
         threads: 1 or more; None: all cores. The result is the same bit for bit.
-        frame_tilt_sigma: radians, how far off the told tilt may be for the whole frame (standard
-            deviation). The tilt is then estimated first, from all objects together, and is that of
-            the result's `view`; twice the time. None: the told tilt is the frame's.
+        frame_tilt_sigma: radians, standard deviation of the frame's true tilt about the nominal tilt
+            of `view`. The tilt is then estimated first, from all objects together, and stands in
+            the result's `view`; this doubles the time. None: the nominal tilt is taken as true.
 
     Returns:
-        N answers, in order. An object without an answer, because of its data or because it has
-        none, has a `status` and NaN; nothing is raised for one object.
+        N answers, in order. An object without an answer has a `status` that says why, and NaN; its
+        data never raise an error.
 
     Raises:
         InputError: an argument of the wrong shape or length. TypeError: of the wrong type.
@@ -97,26 +96,16 @@ def estimate_poses(
     if thresholds is not None and len(thresholds) != count:
         raise input_error("options.inlier_threshold", f"{count} numbers, one per object", len(thresholds))
     handles = [each[0]._handle] if isinstance(models, ShapeModel) and count else [m._handle for m in each]
+    sigma = None if frame_tilt_sigma is None else number("frame_tilt_sigma", frame_tilt_sigma)
     data, workers = (keypoints, scores, boxes, handles, thresholds), _threads(threads)
-    tilt_covariance = _NO_COVARIANCE.copy()
-    if frame_tilt_sigma is not None:
-        free = replace(options, tilt_sigma=math.inf, covariance=True)
-        first = _core.estimate_batch(view._handle, *data, free._handle, workers)
-        view, tilt_covariance = _frame_view(view, first, frame_tilt_sigma)
-    out: dict[str, Any] = _core.estimate_batch(view._handle, *data, options._handle, workers)
-    out["ok"] = out["status"] == 0
+    out = _core.estimate_batch(view._handle, *data, options._handle, workers, sigma)
+    if sigma is not None:
+        view = replace(view, pitch=out.pop("pitch"), roll=out.pop("roll"))
+    ok = out["status"] == 0
     for name, words in _WORDS.items():
         out[name] = words[out[name]]
-    out.update(view=view, keypoints_2d=keypoints, bboxes=boxes, models=each, tilt_covariance=tilt_covariance)
-    return PoseBatch._of(out)
-
-
-def _frame_view(view: View, first: dict[str, Any], sigma: float) -> tuple[View, FloatArray]:
-    """The view with the tilt that poses without a tilt prior agree on, and its covariance."""
-    if not 0.0 < number("frame_tilt_sigma", sigma) < math.inf:
-        raise input_error("frame_tilt_sigma", "a positive number of radians, or None", sigma)
-    pitch, roll, covariance, _ = _core.frame_tilt(view._handle, first["R"], first["covariance"], sigma)
-    return replace(view, pitch=pitch, roll=roll), covariance
+    given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
+    return PoseBatch._of(given | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:
@@ -164,7 +153,7 @@ def _models(models: Any, count: int) -> tuple[ShapeModel, ...]:
 def _check_widths(keypoints: FloatArray, lengths: list[int] | None, models: tuple[ShapeModel, ...]) -> None:
     """Every object has as many keypoints as its model; beyond them an array is NaN.
 
-    Of a model that all objects of an array share one is enough.
+    Where all objects of an array have the same model, `models` may hold it once.
     """
     width = keypoints.shape[1]
     numbers = [len(model.keypoints_3d) for model in models]

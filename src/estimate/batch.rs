@@ -1,12 +1,11 @@
 //! Many objects on many cores. Results do not depend on the number of threads.
 
-use rayon::prelude::*;
-
 use crate::error::{Got, InputError, NoPose, require};
-use crate::estimate::estimator::{Estimate, Estimator};
+use crate::estimate::describe::Estimate;
+use crate::estimate::estimator::Estimator;
 use crate::estimate::frame_tilt::{FrameTilt, UpAxis, frame_tilt};
 use crate::estimate::options::Options;
-use crate::estimate::workspace::GrowingWorkspace;
+use crate::estimate::workspace::{GrowingWorkspace, Workspace};
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
 
@@ -19,6 +18,101 @@ use crate::model::observation::Observation;
 /// assert_eq!(OBJECTS_PER_TASK, 16);
 /// ```
 pub const OBJECTS_PER_TASK: usize = 16;
+
+/// A pose, or why there is none.
+pub(crate) type Answer = Result<Estimate, NoPose>;
+
+/// The objects of a batch by their place in it.
+pub(crate) trait Objects: Sync {
+    /// Calls `f` with the observation of object `i`; none where its own numbers are not usable.
+    fn observe<R>(&self, i: usize, f: impl FnOnce(&Observation) -> R) -> Option<R>;
+}
+
+impl Objects for [Observation<'_>] {
+    fn observe<R>(&self, i: usize, f: impl FnOnce(&Observation) -> R) -> Option<R> {
+        Some(f(&self[i]))
+    }
+}
+
+/// Places for the answers of objects that follow each other.
+pub(crate) trait Answers: Sized + Send {
+    /// How many objects.
+    fn len(&self) -> usize;
+
+    /// The first `k` objects, and the others.
+    fn split_at(self, k: usize) -> (Self, Self);
+
+    /// The answer of object `k` of these; `residuals` are those of a pose, one per keypoint.
+    fn store(&mut self, k: usize, answer: Answer, residuals: &[f64]);
+}
+
+impl Answers for &mut [Answer] {
+    fn len(&self) -> usize {
+        <[Answer]>::len(self)
+    }
+
+    fn split_at(self, k: usize) -> (Self, Self) {
+        self.split_at_mut(k)
+    }
+
+    fn store(&mut self, k: usize, answer: Answer, _: &[f64]) {
+        self[k] = answer;
+    }
+}
+
+/// What objects say of the tilt of their frame.
+pub(crate) struct Axes<'a> {
+    view: &'a View,
+    axes: &'a mut [Option<UpAxis>],
+}
+
+impl Answers for Axes<'_> {
+    fn len(&self) -> usize {
+        self.axes.len()
+    }
+
+    fn split_at(self, k: usize) -> (Self, Self) {
+        let (these, others) = self.axes.split_at_mut(k);
+        (Self { axes: these, ..self }, Axes { axes: others, ..self })
+    }
+
+    fn store(&mut self, k: usize, answer: Answer, _: &[f64]) {
+        let axis = |e: Estimate| e.covariance.map(|covariance| UpAxis::new(self.view, &e.pose, &covariance));
+        self.axes[k] = answer.ok().and_then(axis);
+    }
+}
+
+/// Objects to be estimated in one view.
+pub(crate) struct Batch<'a, O: ?Sized> {
+    estimator: &'a Estimator,
+    view: &'a View,
+    objects: &'a O,
+}
+
+impl<O: Objects + ?Sized> Batch<'_, O> {
+    /// The answers of the objects from `first` on.
+    pub(crate) fn on_this_thread(&self, workspace: &mut GrowingWorkspace, first: usize, mut answers: impl Answers) {
+        for k in 0..answers.len() {
+            let i = first + k;
+            let answer = self.objects.observe(i, |observation| {
+                let buffers = workspace.grown(observation.keypoints_2d().len());
+                self.estimator.estimate_checked(self.view, observation, buffers, i as u64)
+            });
+            answers.store(k, answer.unwrap_or(Err(NoPose::InvalidInput)), workspace.residuals());
+        }
+    }
+
+    /// The same on the threads of the current pool.
+    pub(crate) fn on_threads(&self, first: usize, answers: impl Answers) {
+        let objects = answers.len();
+        if objects <= OBJECTS_PER_TASK {
+            return self.on_this_thread(&mut GrowingWorkspace::new(), first, answers);
+        }
+        let half = (objects / 2).next_multiple_of(OBJECTS_PER_TASK);
+        let (these, others) = answers.split_at(half);
+        rayon::join(|| self.on_threads(first, these), || self.on_threads(first + half, others));
+    }
+}
 
 impl Estimator {
     /// One result per object, in order, on the current rayon pool. Object `i` draws from the stream (seed, i).
@@ -42,31 +136,32 @@ impl Estimator {
     ///     Observation::new(&hidden, &model)?,
     /// ];
     ///
-    /// let results = Estimator::new(Options::default())?.estimate_batch(&view, &observations);
+    /// let results = Estimator::new(Options::default())?.estimate_batch(&view, &observations)?;
     /// assert!((results[0].as_ref().unwrap().yaw - 2.5).abs() < 0.1);
     /// assert!(results[1].is_err(), "one object without an answer costs the others nothing");
     /// # Ok::<(), groundpose::InputError>(())
     /// ```
-    #[must_use]
-    pub fn estimate_batch(&self, view: &View, observations: &[Observation]) -> Vec<Result<Estimate, NoPose>> {
-        observations
-            .par_iter()
-            .enumerate()
-            .with_min_len(OBJECTS_PER_TASK)
-            .map_init(GrowingWorkspace::new, |workspace, (i, observation)| {
-                self.estimate_indexed(view, observation, workspace, i as u64)
-            })
-            .collect()
+    ///
+    /// # Errors
+    /// The solver needs a height that `view` does not have.
+    pub fn estimate_batch(
+        &self,
+        view: &View,
+        observations: &[Observation],
+    ) -> Result<Vec<Result<Estimate, NoPose>>, InputError> {
+        let mut answers = vec![Err(NoPose::InvalidInput); observations.len()];
+        self.batch(view, observations)?.on_threads(0, &mut answers[..]);
+        Ok(answers)
     }
 
-    /// A frame whose told tilt may be off for all objects by `frame_tilt_sigma` (radians, standard deviation): poses
+    /// A frame whose nominal tilt may be off for all objects by `frame_tilt_sigma` (radians, standard deviation): poses
     /// without a tilt prior first, the frame's tilt from all of them, then poses in the view with that tilt.
     ///
     /// ```
     /// use groundpose::{Camera, Estimator, Observation, Options, Pose, ShapeModel, Tilt, View};
     ///
     /// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?;
-    /// let told = View::new(camera, Tilt::default())?;
+    /// let nominal = View::new(camera, Tilt::default())?;
     /// let truth = View::new(camera, Tilt { pitch: 0.1, roll: 0.0 })?;
     /// let points = [
     ///     [-0.8, -0.3, 1.3], [0.8, -0.3, 1.3], [0.8, -0.3, -1.3], [-0.8, -0.3, -1.3],
@@ -80,28 +175,54 @@ impl Estimator {
     /// let observations = seen.each_ref().map(|pixels| Observation::new(pixels, &model).unwrap());
     ///
     /// let estimator = Estimator::new(Options { inlier_threshold: Some(4.0), ..Options::default() })?;
-    /// let (frame, poses) = estimator.estimate_frame(&told, &observations, 0.2)?;
+    /// let (frame, poses) = estimator.estimate_frame(&nominal, &observations, 0.2)?;
     /// assert!((frame.view.tilt.pitch - 0.1).abs() < 5e-3, "{}", frame.view.tilt.pitch);
     /// assert!(poses.iter().all(Result::is_ok));
     /// # Ok::<(), groundpose::InputError>(())
     /// ```
     ///
     /// # Errors
-    /// A standard deviation that is not positive.
+    /// A standard deviation that is not positive; the solver needs a height that `view` does not have.
     pub fn estimate_frame(
         &self,
         view: &View,
         observations: &[Observation],
         frame_tilt_sigma: f64,
     ) -> Result<(FrameTilt, Vec<Result<Estimate, NoPose>>), InputError> {
-        let positive = frame_tilt_sigma.is_finite() && frame_tilt_sigma > 0.0;
-        require(positive, "frame_tilt_sigma", "a positive number of radians", Got::Number(frame_tilt_sigma))?;
-        let free = Self::new(self.options().without_tilt())?;
-        let first = free.estimate_batch(view, observations);
-        let axis = |e: &Estimate| e.covariance.map(|covariance| UpAxis::new(view, &e.pose, &covariance));
-        let axes: Vec<UpAxis> = first.iter().flatten().filter_map(axis).collect();
-        let frame = frame_tilt(view, &axes, Options::OBJECT_TILT_SIGMA, frame_tilt_sigma);
-        let estimates = self.estimate_batch(&frame.view, observations);
+        let frame = self.frame_tilt(view, observations.len(), frame_tilt_sigma, |free, axes| {
+            free.batch(view, observations)?.on_threads(0, axes);
+            Ok::<(), InputError>(())
+        })?;
+        let estimates = self.estimate_batch(&frame.view, observations)?;
         Ok((frame, estimates))
+    }
+
+    /// The tilt of a frame of so many objects; `estimate_all` estimates them by an estimator whose poses are free of the
+    /// nominal tilt.
+    pub(crate) fn frame_tilt<E: From<InputError>>(
+        &self,
+        view: &View,
+        objects: usize,
+        sigma: f64,
+        estimate_all: impl FnOnce(&Self, Axes) -> Result<(), E>,
+    ) -> Result<FrameTilt, E> {
+        let positive = sigma.is_finite() && sigma > 0.0;
+        require(positive, "frame_tilt_sigma", "a positive number of radians", Got::Number(sigma))?;
+        let free = Self::new(self.options().without_tilt())?;
+        let mut axes = vec![None; objects];
+        estimate_all(&free, Axes { view, axes: &mut axes })?;
+        let axes: Vec<UpAxis> = axes.into_iter().flatten().collect();
+        Ok(frame_tilt(view, &axes, Options::OBJECT_TILT_SIGMA, sigma))
+    }
+
+    /// # Errors
+    /// The solver needs a height that `view` does not have.
+    pub(crate) fn batch<'a, O: Objects + ?Sized>(
+        &'a self,
+        view: &'a View,
+        objects: &'a O,
+    ) -> Result<Batch<'a, O>, InputError> {
+        self.check_view(view)?;
+        Ok(Batch { estimator: self, view, objects })
     }
 }

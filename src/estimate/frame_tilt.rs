@@ -1,5 +1,5 @@
 //! The tilt of a frame from all its objects: each stands on the road, so the up axis of each measures the road's
-//! normal. It serves cameras whose told tilt is wrong for the whole frame (method, sec. 4).
+//! normal. It serves cameras whose nominal tilt is wrong for the whole frame (method, sec. 4).
 
 use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 
@@ -7,6 +7,7 @@ use crate::geometry::math::{sqrt, square};
 use crate::geometry::pose::Pose;
 use crate::geometry::view::View;
 use crate::refine::covariance::PoseCovariance;
+use crate::tuning::{FRAME_DOF, FRAME_ITERATIONS};
 
 /// What one object says of the road's normal.
 ///
@@ -17,16 +18,16 @@ use crate::refine::covariance::PoseCovariance;
 /// ```
 /// use groundpose::{Camera, FrameTilt, Pose, PoseCovariance, Tilt, UpAxis, View, frame_tilt};
 ///
-/// let told = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt::default())?;
-/// let upright = Pose::upright(&told, 0.3, [2.0, 1.5, 20.0].into());
-/// let axis = UpAxis::new(&told, &upright, &(PoseCovariance::identity() * 1e-4));
-/// let frame: FrameTilt = frame_tilt(&told, &[axis], 0.03, 0.2);
-/// assert!(frame.view.tilt.pitch.abs() < 1e-9, "an upright object agrees with what was told");
+/// let nominal = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt::default())?;
+/// let upright = Pose::upright(&nominal, 0.3, [2.0, 1.5, 20.0].into());
+/// let axis = UpAxis::new(&nominal, &upright, &(PoseCovariance::identity() * 1e-4));
+/// let frame: FrameTilt = frame_tilt(&nominal, &[axis], 0.03, 0.2);
+/// assert!(frame.view.tilt.pitch.abs() < 1e-9, "an upright object agrees with the nominal tilt");
 /// # Ok::<(), groundpose::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct UpAxis {
-    /// Components of the object's down axis along the told ground frame's x and z axes.
+    /// Components of the object's down axis along the nominal ground frame's x and z axes.
     down: Vector2<f64>,
     covariance: Matrix2<f64>,
 }
@@ -36,30 +37,25 @@ pub struct UpAxis {
 /// ```
 /// use groundpose::{Camera, FrameTilt, Tilt, View, frame_tilt};
 ///
-/// // Without objects it is what was told, as sure as that was.
-/// let told = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: 0.1, roll: 0.0 })?;
-/// let FrameTilt { view, covariance, objects } = frame_tilt(&told, &[], 0.03, 0.2);
+/// // Without objects it is the nominal tilt, as sure as that was.
+/// let nominal = View::new(Camera::new(1000.0, 1000.0, 960.0, 540.0)?, Tilt { pitch: 0.1, roll: 0.0 })?;
+/// let FrameTilt { view, covariance, objects } = frame_tilt(&nominal, &[], 0.03, 0.2);
 /// assert!((view.tilt.pitch - 0.1).abs() < 1e-12 && objects == 0.0);
 /// assert!((covariance[(0, 0)].sqrt() - 0.2).abs() < 1e-12);
 /// # Ok::<(), groundpose::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTilt {
-    /// The view with the estimated tilt; camera and height are those told.
+    /// The view with the estimated tilt; camera and height are the nominal ones.
     pub view: View,
-    /// Covariance, radians squared, of the road's normal about the told ground frame's z and x axes (roll, pitch).
+    /// Covariance, radians squared, of the road's normal about the nominal ground frame's z and x axes (roll, pitch).
     pub covariance: Matrix2<f64>,
     /// Effective number of objects: those far from all others count little.
     pub objects: f64,
 }
 
-/// Tails of objects about the frame's tilt: wrong poses, ramps.
-const DOF: f64 = 4.0;
-/// The weights settle in a few steps; more change nothing that matters.
-const ITERATIONS: usize = 20;
-
 impl UpAxis {
-    /// What a pose estimated in `view` says; its tilt must not have been pulled towards the told one.
+    /// What a pose estimated in `view` says; its tilt must not have been pulled towards the nominal one.
     #[must_use]
     pub fn new(view: &View, pose: &Pose, covariance: &PoseCovariance) -> Self {
         let down: Vector3<f64> = pose.r.column(1).into();
@@ -79,7 +75,7 @@ impl UpAxis {
     }
 }
 
-/// Student's t over the objects and a Gaussian about the told tilt.
+/// Student's t over the objects and a Gaussian about the nominal tilt.
 struct Cost<'a> {
     axes: &'a [UpAxis],
     object_variance: f64,
@@ -98,7 +94,8 @@ impl Cost<'_> {
     }
 
     fn at(&self, tilt: Vector2<f64>) -> f64 {
-        let objects: f64 = self.terms(tilt).map(|(_, _, d2)| 0.5 * (DOF + 2.0) * libm::log1p(d2 / DOF)).sum();
+        let objects: f64 =
+            self.terms(tilt).map(|(_, _, d2)| 0.5 * (FRAME_DOF + 2.0) * libm::log1p(d2 / FRAME_DOF)).sum();
         objects + 0.5 * tilt.norm_squared() / self.prior_variance
     }
 
@@ -107,7 +104,7 @@ impl Cost<'_> {
         let mut information = Matrix2::identity() / self.prior_variance;
         let (mut sum, mut weights) = (Vector2::zeros(), 0.0);
         for (axis, inverse, d2) in self.terms(tilt) {
-            let weight = (DOF + 2.0) / (DOF + d2);
+            let weight = (FRAME_DOF + 2.0) / (FRAME_DOF + d2);
             information += inverse * weight;
             sum += inverse * axis.down * weight;
             weights += weight.min(1.0);
@@ -119,21 +116,21 @@ impl Cost<'_> {
 }
 
 /// The tilt of a frame from the up axes of its objects, robust against wrong ones. `object_sigma`: standard deviation,
-/// radians, of an object's up axis about the frame's; `prior_sigma`: of the frame's about the told one. Without
-/// objects it is the told tilt.
+/// radians, of an object's up axis about the frame's; `prior_sigma`: of the frame's about the nominal one. Without
+/// objects it is the nominal tilt.
 ///
 /// ```
 /// use groundpose::{Camera, Pose, PoseCovariance, Tilt, UpAxis, View, frame_tilt};
 ///
 /// let camera = Camera::new(1000.0, 1000.0, 960.0, 540.0)?;
-/// let told = View::new(camera, Tilt::default())?;
+/// let nominal = View::new(camera, Tilt::default())?;
 /// let truth = View::new(camera, Tilt { pitch: 0.15, roll: 0.02 })?;
 /// let sure = PoseCovariance::identity() * 1e-4;
 /// let axes = [0.3, 1.1, 2.0, -2.5].map(|yaw| {
 ///     let pose = Pose::upright(&truth, yaw, [2.0, 1.5, 20.0].into());
-///     UpAxis::new(&told, &pose, &sure)
+///     UpAxis::new(&nominal, &pose, &sure)
 /// });
-/// let frame = frame_tilt(&told, &axes, 0.03, 0.2);
+/// let frame = frame_tilt(&nominal, &axes, 0.03, 0.2);
 /// assert!((frame.view.tilt.pitch - 0.15).abs() < 2e-3);
 /// assert!((frame.view.tilt.roll - 0.02).abs() < 2e-3);
 /// # Ok::<(), groundpose::InputError>(())
@@ -141,7 +138,7 @@ impl Cost<'_> {
 #[must_use]
 pub fn frame_tilt(view: &View, axes: &[UpAxis], object_sigma: f64, prior_sigma: f64) -> FrameTilt {
     let cost = Cost { axes, object_variance: square(object_sigma), prior_variance: square(prior_sigma) };
-    // Every object and the told tilt is a start: the cost has one valley for each group that agrees.
+    // Every object and the nominal tilt is a start: the cost has one valley for each group that agrees.
     let mut best = (Vector2::zeros(), cost.at(Vector2::zeros()));
     for axis in axes.iter().filter(|axis| axis.is_finite()) {
         let at = cost.at(axis.down);
@@ -150,14 +147,14 @@ pub fn frame_tilt(view: &View, axes: &[UpAxis], object_sigma: f64, prior_sigma: 
         }
     }
     let (mut tilt, mut covariance, mut objects) = cost.step(best.0);
-    for _ in 1..ITERATIONS {
+    for _ in 1..FRAME_ITERATIONS {
         (tilt, covariance, objects) = cost.step(tilt);
     }
     let up = sqrt((1.0 - tilt.norm_squared()).max(0.0));
     let gravity = view.r_camera_from_ground * Vector3::new(tilt.x, up, tilt.y);
-    let told = || FrameTilt { view: *view, covariance: Matrix2::identity() * square(prior_sigma), objects: 0.0 };
+    let nominal = || FrameTilt { view: *view, covariance: Matrix2::identity() * square(prior_sigma), objects: 0.0 };
     // A normal along the optical axis is no tilt of a camera that sees a road.
-    let Ok(mut estimated) = View::from_gravity(view.camera, gravity.into()) else { return told() };
+    let Ok(mut estimated) = View::from_gravity(view.camera, gravity.into()) else { return nominal() };
     estimated.height = view.height;
     FrameTilt { view: estimated, covariance, objects }
 }

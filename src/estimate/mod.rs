@@ -1,11 +1,17 @@
 //! The estimate of one object, of many, and of the frame they stand in.
+//!
+//! An estimate of one object reads from `pipeline` on.
 
+pub(crate) mod attempt;
 #[cfg(feature = "rayon")]
 pub mod batch;
+pub mod describe;
 pub mod estimator;
 pub mod frame_tilt;
-pub(crate) mod hypothesise;
-pub(crate) mod job;
+pub(crate) mod object;
 pub mod options;
-pub(crate) mod points;
+pub(crate) mod pipeline;
+pub(crate) mod refine;
+pub(crate) mod search;
+pub(crate) mod verify;
 pub mod workspace;

@@ -4,6 +4,7 @@ use crate::error::{Got, InputError, require};
 use crate::minimal::p1p::Cases;
 use crate::refine::schedule::Refinement;
 use crate::search::score::Scoring;
+use crate::tuning::{HRE_THRESHOLDS, MAX_LOG10_NFA, OBJECT_TILT_SIGMA, RELATIVE_BBOX_SIGMA, RELATIVE_THRESHOLD};
 
 /// Which minimal solver makes the hypotheses.
 ///
@@ -58,7 +59,7 @@ impl Solver {
 /// assert_eq!(paper.effective_tilt_sigma(), f64::INFINITY);
 /// assert!(!paper.effective_shape_prior() && paper.effective_bbox_sigma(4.0).is_infinite());
 ///
-/// // Ours, unless told otherwise: upright within 1.5 degrees, box sides within two thresholds, shapes of the class.
+/// // Ours, unless said otherwise: upright within 1.5 degrees, box sides within two thresholds, shapes of the class.
 /// let ours = Options::default().with_seed(1);
 /// assert_eq!(ours.effective_tilt_sigma(), Options::OBJECT_TILT_SIGMA);
 /// assert_eq!((ours.effective_bbox_sigma(4.0), ours.effective_shape_prior()), (8.0, true));
@@ -72,7 +73,7 @@ impl Solver {
 pub struct Options {
     /// Reprojection error in pixels up to which a keypoint is an inlier; `None`: from `relative_threshold`.
     pub inlier_threshold: Option<f64>,
-    /// Inlier threshold as a share of the longer box side (paper, sec. 4.2.4).
+    /// Inlier threshold as a fraction of the longer box side (paper, sec. 4.2.4).
     pub relative_threshold: f64,
     /// Wanted probability that some sample holds only inliers; the default refinement draws eight keypoints in any case.
     pub confidence: f64,
@@ -104,7 +105,7 @@ pub struct Options {
     /// Fewest visible keypoints of an answer.
     pub min_keypoints: usize,
     /// An answer must be better than chance: the largest log10 of the number of poses as good as it to expect among
-    /// random keypoints. Infinite: never refuse. See [`crate::estimate::estimator::Estimate::log10_nfa`].
+    /// random keypoints. Infinite: never refuse. See [`crate::estimate::describe::Estimate::log10_nfa`].
     pub max_log10_nfa: f64,
     /// Whether keypoint scores weigh the residuals (they always order the draws).
     pub score_weights: bool,
@@ -112,27 +113,24 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// Standard deviation of the box sides in the default refinement, in inlier thresholds.
-const RELATIVE_BBOX_SIGMA: f64 = 2.0;
-
 impl Default for Options {
     fn default() -> Self {
         Self {
             inlier_threshold: None,
-            relative_threshold: 0.0375,
+            relative_threshold: RELATIVE_THRESHOLD,
             confidence: 0.99,
             solver: Solver::Auto,
             cases: Cases::All,
             scoring: Scoring::Msac,
             refinement: Refinement::Default,
-            hre_thresholds: [1.0, 1.5, 3.0],
+            hre_thresholds: HRE_THRESHOLDS,
             tilt_sigma: None,
             shape_prior: None,
             bbox_sigma: None,
             covariance: true,
             max_iterations: 10_000,
             min_keypoints: 4,
-            max_log10_nfa: 1.0,
+            max_log10_nfa: MAX_LOG10_NFA,
             score_weights: true,
             seed: 0,
         }
@@ -140,10 +138,10 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Standard deviation, radians, of an object's up axis about the ground's normal (1.5 degrees; method, sec. 4).
-    pub const OBJECT_TILT_SIGMA: f64 = 1.5 * (core::f64::consts::PI / 180.0);
+    /// Standard deviation, radians, of an object's up axis about the ground's normal: 1.5 degrees.
+    pub const OBJECT_TILT_SIGMA: f64 = OBJECT_TILT_SIGMA;
 
-    /// The same options for poses that the told tilt does not pull, with covariances: what `frame::UpAxis` needs.
+    /// The same options for poses that the nominal tilt does not pull, with covariances: what `frame_tilt::UpAxis` needs.
     #[must_use]
     pub fn without_tilt(mut self) -> Self {
         self.tilt_sigma = Some(f64::INFINITY);
@@ -191,7 +189,7 @@ impl Options {
             require(positive(threshold), "inlier_threshold", expected, Got::Number(threshold))?;
         }
         let r = self.relative_threshold;
-        require(positive(r), "relative_threshold", "a positive share of the longer box side", Got::Number(r))?;
+        require(positive(r), "relative_threshold", "a positive fraction of the longer box side", Got::Number(r))?;
         let c = self.confidence;
         require(c > 0.0 && c < 1.0, "confidence", "a probability between 0 and 1", Got::Number(c))?;
         let [t1, t2, t3] = self.hre_thresholds;

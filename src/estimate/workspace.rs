@@ -133,11 +133,9 @@ impl GrowingWorkspace {
     pub fn new() -> Self {
         Self::default()
     }
-}
 
-#[cfg(feature = "std")]
-impl Workspace for GrowingWorkspace {
-    fn buffers(&mut self, keypoints: usize) -> Option<Buffers<'_>> {
+    /// Buffers for `keypoints` keypoints: there is always room.
+    pub(crate) fn grown(&mut self, keypoints: usize) -> Buffers<'_> {
         if self.numbers.len() < 2 * keypoints {
             self.blocks.resize(keypoints.div_ceil(LANES), Block::default());
             self.indices.resize(2 * keypoints, 0);
@@ -147,14 +145,21 @@ impl Workspace for GrowingWorkspace {
         self.keypoints = keypoints;
         let (visible, order) = self.indices.split_at_mut(keypoints);
         let (residuals, scratch) = self.numbers.split_at_mut(keypoints);
-        Some(Buffers {
+        Buffers {
             blocks: &mut self.blocks[..keypoints.div_ceil(LANES)],
             visible,
             order: &mut order[..keypoints],
             scratch: &mut scratch[..keypoints],
             residuals,
             pixels: &mut self.pixels[..keypoints],
-        })
+        }
+    }
+}
+
+#[cfg(feature = "std")]
+impl Workspace for GrowingWorkspace {
+    fn buffers(&mut self, keypoints: usize) -> Option<Buffers<'_>> {
+        Some(self.grown(keypoints))
     }
 
     fn residuals(&self) -> &[f64] {

@@ -1,9 +1,11 @@
-//! A camera: focal lengths, principal point, lens distortion.
+//! A camera: focal lengths, principal point, lens. The pinhole's equations stand here, and once more for vector units
+//! in `simd/projection.rs`.
 
 use nalgebra::Vector3;
 
 use crate::error::{Got, InputError, require};
-use crate::geometry::math::norm2;
+use crate::geometry::lens::Lens;
+use crate::geometry::lens::brown_conrady::BrownConrady;
 
 /// A pinhole camera; pixel centres at integer coordinates, as in OpenCV.
 ///
@@ -32,8 +34,8 @@ pub struct Camera {
     pub cx: f64,
     /// Principal point, row.
     pub cy: f64,
-    /// `k1, k2, p1, p2, k3` of OpenCV's model, undone on the way in.
-    pub distortion: Option<[f64; 5]>,
+    /// The lens, undone on the way in; `None`: an ideal one.
+    pub lens: Option<Lens>,
     /// Width and height in pixels; tells which box sides are cut by the image border.
     pub image_size: Option<[f64; 2]>,
 }
@@ -50,18 +52,35 @@ impl Camera {
         for (name, c) in [("cx", cx), ("cy", cy)] {
             require(c.is_finite(), name, "a finite number", Got::Number(c))?;
         }
-        Ok(Self { fx, fy, cx, cy, distortion: None, image_size: None })
+        Ok(Self { fx, fy, cx, cy, lens: None, image_size: None })
     }
 
     /// The same camera with lens distortion `k1, k2, p1, p2, k3` (OpenCV's order).
     ///
     /// # Errors
     /// A coefficient that is not finite.
-    pub fn with_distortion(mut self, coefficients: [f64; 5]) -> Result<Self, InputError> {
-        for c in coefficients {
+    pub fn with_distortion(self, coefficients: [f64; 5]) -> Result<Self, InputError> {
+        self.with_lens(Lens::BrownConrady(BrownConrady::new(coefficients)))
+    }
+
+    /// The same camera with a lens of any model.
+    ///
+    /// ```
+    /// use groundpose::geometry::lens::brown_conrady::BrownConrady;
+    /// use groundpose::{Camera, Lens};
+    ///
+    /// let (camera, k) = (Camera::new(1000.0, 1000.0, 960.0, 540.0)?, [-0.3, 0.1, 0.0, 0.0, 0.0]);
+    /// assert_eq!(camera.with_lens(Lens::BrownConrady(BrownConrady::new(k)))?, camera.with_distortion(k)?);
+    /// # Ok::<(), groundpose::InputError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// A coefficient that is not finite.
+    pub fn with_lens(mut self, lens: Lens) -> Result<Self, InputError> {
+        for &c in lens.coefficients() {
             require(c.is_finite(), "distortion", "finite numbers", Got::Number(c))?;
         }
-        self.distortion = coefficients.iter().any(|&c| c != 0.0).then_some(coefficients);
+        self.lens = (!lens.is_ideal()).then_some(lens);
         Ok(self)
     }
 
@@ -79,8 +98,9 @@ impl Camera {
 
     /// Direction of a pixel in the camera frame, with z = 1.
     ///
-    /// ```text
-    /// ray = K^-1 [u, v, 1] = [(u - cx) / fx, (v - cy) / fy, 1]
+    /// ```math
+    /// K^{-1} \begin{bmatrix} u & v & 1 \end{bmatrix}^T
+    ///   = \begin{bmatrix} \dfrac{u - c_x}{f_x} & \dfrac{v - c_y}{f_y} & 1 \end{bmatrix}^T
     /// ```
     ///
     /// ```
@@ -93,75 +113,78 @@ impl Camera {
     /// ```
     #[must_use]
     pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
-        Vector3::new((pixel[0] - self.cx) / self.fx, (pixel[1] - self.cy) / self.fy, 1.0)
+        let [x, y] = self.normalised(pixel);
+        Vector3::new(x, y, 1.0)
     }
 
     /// Pixel of a point of the camera frame (without distortion); `None` behind the camera.
+    ///
+    /// ```math
+    /// u = \frac{f_x X}{Z} + c_x, \qquad v = \frac{f_y Y}{Z} + c_y
+    /// ```
     #[must_use]
     pub fn project(&self, point: &Vector3<f64>) -> Option<[f64; 2]> {
         (point.z > 0.0).then(|| [self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy])
     }
 
-    /// The pixel an ideal lens would have made of a distorted pixel.
+    /// Gradients of column and row by a point of the camera frame; `None` behind the camera.
     ///
-    /// Newton's method on the forward model; `None` where it does not come back to the given
-    /// pixel (beyond the radius at which the distortion model folds over).
+    /// ```math
+    /// \frac{\partial u}{\partial (X, Y, Z)} = \left( \frac{f_x}{Z},\; 0,\; -\frac{f_x X}{Z^2} \right), \qquad
+    /// \frac{\partial v}{\partial (X, Y, Z)} = \left( 0,\; \frac{f_y}{Z},\; -\frac{f_y Y}{Z^2} \right)
+    /// ```
+    #[inline]
+    pub(crate) fn projection_gradients(&self, point: &Vector3<f64>) -> Option<[Vector3<f64>; 2]> {
+        if point.z <= 0.0 {
+            return None;
+        }
+        let inverse = 1.0 / point.z;
+        let (u, v) = (self.fx * point.x * inverse, self.fy * point.y * inverse);
+        Some([Vector3::new(self.fx * inverse, 0.0, -u * inverse), Vector3::new(0.0, self.fy * inverse, -v * inverse)])
+    }
+
+    /// A pixel relative to the principal point.
+    #[inline]
+    pub(crate) fn centred(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        [u - self.cx, v - self.cy]
+    }
+
+    /// Pixel to normalised coordinates.
+    #[inline]
+    pub(crate) fn normalised(&self, pixel: [f64; 2]) -> [f64; 2] {
+        let [u, v] = self.centred(pixel);
+        [u / self.fx, v / self.fy]
+    }
+
+    /// Normalised coordinates to pixel.
+    #[inline]
+    pub(crate) fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.fx * x + self.cx, self.fy * y + self.cy]
+    }
+
+    /// The line $`a u + b v + c = 0`$ in which the image cuts the plane through the camera with this normal:
+    /// $`(a, b, c) = K^{-T} n`$.
+    pub(crate) fn line_of_plane(&self, normal: &Vector3<f64>) -> [f64; 3] {
+        let (a, b) = (normal.x / self.fx, normal.y / self.fy);
+        [a, b, normal.z - a * self.cx - b * self.cy]
+    }
+
+    /// The pixel an ideal lens would have made of a distorted pixel; `None` beyond the radius at which the lens model
+    /// folds over.
     #[must_use]
     pub fn undistort(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
-        let Some(d) = self.distortion else {
-            return Some(pixel);
-        };
-        let target = self.ray(pixel);
-        let (mut x, mut y) = (target.x, target.y);
-        for _ in 0..30 {
-            let (value, jacobian) = distort_with_jacobian(&d, x, y);
-            let (ex, ey) = (value[0] - target.x, value[1] - target.y);
-            let [a, b, c, e] = jacobian;
-            let determinant = a * e - b * c;
-            // The model stays invertible from the centre outwards while the determinant is positive.
-            if determinant <= 1e-6 {
-                return None;
-            }
-            let (dx, dy) = ((e * ex - b * ey) / determinant, (a * ey - c * ex) / determinant);
-            x -= dx;
-            y -= dy;
-            if dx.abs() + dy.abs() < 1e-14 * (1.0 + x.abs() + y.abs()) {
-                break;
-            }
+        match self.lens {
+            None => Some(pixel),
+            Some(lens) => lens.undistort(self.normalised(pixel)).map(|ideal| self.pixel(ideal)),
         }
-        let (value, _) = distort_with_jacobian(&d, x, y);
-        let error = norm2(value[0] - target.x, value[1] - target.y);
-        (error < 1e-9).then_some([self.fx * x + self.cx, self.fy * y + self.cy])
     }
 
     /// The pixel this lens makes of an ideal pixel: the inverse of [`Camera::undistort`].
     #[must_use]
     pub fn distort(&self, pixel: [f64; 2]) -> [f64; 2] {
-        let Some(d) = self.distortion else {
-            return pixel;
-        };
-        let ray = self.ray(pixel);
-        let (value, _) = distort_with_jacobian(&d, ray.x, ray.y);
-        [self.fx * value[0] + self.cx, self.fy * value[1] + self.cy]
+        match self.lens {
+            None => pixel,
+            Some(lens) => self.pixel(lens.distort(self.normalised(pixel))),
+        }
     }
-}
-
-/// OpenCV's radial-tangential model at a normalised point, and its Jacobian `[xx, xy, yx, yy]`.
-fn distort_with_jacobian(d: &[f64; 5], x: f64, y: f64) -> ([f64; 2], [f64; 4]) {
-    let [k1, k2, p1, p2, k3] = *d;
-    let r2 = x * x + y * y;
-    let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-    let slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
-    let value = [
-        x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-        y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-    ];
-    let mixed = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y;
-    let jacobian = [
-        radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
-        mixed,
-        mixed,
-        radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
-    ];
-    (value, jacobian)
 }

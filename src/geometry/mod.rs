@@ -3,6 +3,7 @@
 pub mod bbox;
 pub mod camera;
 pub mod footprint;
+pub mod lens;
 pub(crate) mod math;
 pub mod pose;
 pub mod view;

@@ -6,9 +6,7 @@ use crate::error::{Got, InputError, require};
 use crate::geometry::bbox::Bbox;
 use crate::geometry::camera::Camera;
 use crate::geometry::math::{atan2, norm2, tan};
-
-/// Sides of a box this close to the image border are cut by it.
-const BORDER_PX: f64 = 1.5;
+use crate::tuning::BORDER_PX;
 
 /// How the camera is tilted against the ground.
 ///
@@ -55,7 +53,7 @@ pub struct View {
     pub tilt: Tilt,
     /// Height above the ground in metres, if known.
     pub height: Option<f64>,
-    /// `R_z(roll) R_x(-pitch)` (paper, sec. 3.2, extended with roll).
+    /// $`R_z(\text{roll}) \, R_x(-\text{pitch})`$ (paper, sec. 3.2, extended with roll).
     pub r_camera_from_ground: Matrix3<f64>,
 }
 
@@ -115,25 +113,24 @@ impl View {
         Ok(self)
     }
 
-    /// Line `a u + b v + c = 0` of the horizon in pixels; without roll, `v = cy + fy tan(pitch)`.
+    /// Line $`a u + b v + c = 0`$ of the horizon in pixels; without roll, $`v = c_y + f_y \tan(\text{pitch})`$.
     #[must_use]
     pub fn horizon(&self) -> [f64; 3] {
         let camera = &self.camera;
         if self.tilt.roll == 0.0 {
-            return [0.0, 1.0, -(camera.cy + camera.fy * tan(self.tilt.pitch))];
+            return [0.0, 1.0, -camera.pixel([0.0, tan(self.tilt.pitch)])[1]];
         }
         // Rays perpendicular to the ground's normal.
-        let down = self.r_camera_from_ground.column(1);
-        let (a, b) = (down[0] / camera.fx, down[1] / camera.fy);
-        let c = down[2] - a * camera.cx - b * camera.cy;
+        let [a, b, c] = camera.line_of_plane(&self.r_camera_from_ground.column(1).into());
         let length = norm2(a, b);
         [a / length, b / length, c / length]
     }
 
     /// Unit normal, in the ground frame, of the plane through pixel column `u`; it points right.
     ///
-    /// ```text
-    /// n = R_camera_from_ground^T [1, 0, -(u - cx) / fx] / norm
+    /// ```math
+    /// n = \frac{R^T a}{\lVert a \rVert}, \qquad a = \Bigl( 1,\; 0,\; -\frac{u - c_x}{f_x} \Bigr)^T, \qquad
+    /// R = R_{\text{camera} \leftarrow \text{ground}}
     /// ```
     ///
     /// ```
@@ -151,8 +148,8 @@ impl View {
     /// ```
     #[must_use]
     pub fn column_plane(&self, u: f64) -> Vector3<f64> {
-        // K^T [1, 0, -u] divided by fx
-        let slope = (u - self.camera.cx) / self.camera.fx;
+        // K^T [1, 0, -u] divided by fx; the row does not matter.
+        let [slope, _] = self.camera.normalised([u, 0.0]);
         let normal = Vector3::new(1.0, 0.0, -slope) / norm2(1.0, slope);
         self.r_camera_from_ground.tr_mul(&normal)
     }
@@ -187,7 +184,7 @@ impl View {
 
     /// The view of an ideal lens; its image has no borders at known pixels.
     pub(crate) fn ideal(&self) -> Self {
-        Self { camera: Camera { distortion: None, image_size: None, ..self.camera }, ..*self }
+        Self { camera: Camera { lens: None, image_size: None, ..self.camera }, ..*self }
     }
 
     /// A box of a distorted image without distortion: each side moves as its middle does. A side whose middle
@@ -204,7 +201,7 @@ impl View {
     /// ```
     #[must_use]
     pub fn undistort_bbox(&self, bbox: Bbox) -> Bbox {
-        if self.camera.distortion.is_none() {
+        if self.camera.lens.is_none() {
             return bbox;
         }
         // An unknown side does not tell where the middle of its neighbours is: theirs is taken at the other end.
@@ -232,8 +229,9 @@ impl View {
 
     /// Ray of a pixel in the ground frame, of length one in the bird's-eye view (paper, eq. 4).
     ///
-    /// ```text
-    /// k = R_camera_from_ground^T K^-1 [u, v, 1] / norm(its x and z)
+    /// ```math
+    /// k = \frac{a}{\sqrt{a_x^2 + a_z^2}}, \qquad
+    /// a = R_{\text{camera} \leftarrow \text{ground}}^T \; K^{-1} \, (u, v, 1)^T
     /// ```
     ///
     /// ```

@@ -1,20 +1,20 @@
 //! P1P: pose of an upright object from one keypoint, two sides of its 2D box and the tilt (paper, sec. 3.2).
 //!
-//! In the ground frame let `k` be the keypoint's ray with length one in the bird's-eye view, `l_C` the
-//! keypoint's distance there, `d_c` the offset from the keypoint to corner `c` of the 3D box in object axes and
-//! `n_L`, `n_R` the inward normals of the planes through the box's sides. Corner `i` on the left plane and
-//! corner `j` on the right one mean
+//! In the ground frame let $`k`$ be the keypoint's ray with length one in the bird's-eye view, $`l_C`$ the
+//! keypoint's distance there, $`d_c`$ the offset from the keypoint to corner $`c`$ of the 3D box in object axes,
+//! $`n_L`$ and $`n_R`$ the inward normals of the planes through the box's sides, and $`\psi`$ the yaw. Corner $`i`$ on
+//! the left plane and corner $`j`$ on the right one mean
 //!
-//! ```text
-//! n_L . (l_C k + R(yaw) d_i) = 0,    n_R . (l_C k + R(yaw) d_j) = 0,
+//! ```math
+//! n_L^T \bigl( l_C k + R_y(\psi) d_i \bigr) = 0, \qquad n_R^T \bigl( l_C k + R_y(\psi) d_j \bigr) = 0 ,
 //! ```
 //!
-//! linear in `(l_C, cos yaw, sin yaw)`. Eliminating `l_C` is eq. (2) of the paper without its angles: no
-//! arcsine that loses a sign (erratum: `phi_y = arcsin(v_C . v_K)` of Appendix B is a dot product, and
-//! `theta_L`, `theta_R`, `psi` by arccosine lose theirs), and no branch per case: a case is a row `(i, j)`.
+//! linear in $`(l_C, \cos \psi, \sin \psi)`$. Eliminating $`l_C`$ is eq. (2) of the paper without its angles: no
+//! arcsine that loses a sign (erratum: $`\phi_y = \arcsin(v_C \cdot v_K)`$ of Appendix B is a dot product, and
+//! $`\theta_L`$, $`\theta_R`$, $`\psi`$ by arccosine lose theirs), and no branch per case: a case is a row $`(i, j)`$.
 //!
 //! The paper takes the side planes as perpendicular to the ground. Under pitch they are not; their y component
-//! adds a known constant, which gives a right-hand side and two roots per case. Feasibility (`l_C > 0`, every
+//! adds a known constant, which gives a right-hand side and two roots per case. Feasibility ($`l_C > 0`$, every
 //! corner of the 3D box between the planes) replaces Table 1. Erratum: one keypoint does *not* give a unique
 //! solution; 2 or 3 are feasible on average and all are returned.
 
@@ -30,6 +30,7 @@ use crate::model::observation::Observation;
 use crate::model::shape_model::ShapeModel;
 use crate::simd::dispatch::{HotLoop, VectorUnit};
 use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
+use crate::tuning::FEASIBILITY_TOLERANCE;
 
 /// Which corners may touch the sides of the 2D box.
 ///
@@ -50,10 +51,6 @@ pub enum Cases {
 
 /// The paper's cases 1 to 4 as (left, right) rows of [`Footprint::rectangle`]; its corners 1 to 4 are rows 0 to 3.
 const PAPER_CASES: [(usize, usize); 4] = [(3, 1), (2, 0), (0, 2), (1, 3)];
-
-/// Corners may lie outside the side planes by this share of the keypoint's distance: room for noise
-/// (method: 3 % served well with 2 px).
-pub(super) const FEASIBILITY_TOLERANCE: f64 = 0.03;
 
 /// The solver for one object in one view.
 ///
@@ -139,8 +136,8 @@ impl PlaneEquation {
             furthest[0] = (roots[0].cosine * p + roots[0].sine * q).min(furthest[0]);
             furthest[1] = (roots[1].cosine * p + roots[1].sine * q).min(furthest[1]);
         }
-        let (share, g) = (unit.splat(tolerance + self.a), unit.splat(self.g));
-        [furthest[0] + (roots[0].distance * share + g), furthest[1] + (roots[1].distance * share + g)]
+        let (slope, g) = (unit.splat(tolerance + self.a), unit.splat(self.g));
+        [furthest[0] + (roots[0].distance * slope + g), furthest[1] + (roots[1].distance * slope + g)]
     }
 }
 
@@ -194,15 +191,15 @@ impl<'a> P1p<'a> {
     }
 
     /// The same on another vector unit.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "std"))]
     pub(crate) fn on(mut self, unit: VectorUnit) -> Self {
         self.unit = unit;
         self
     }
 
-    /// The same with less room for noise: corners may lie outside by at most this share of the keypoint's distance.
-    pub(crate) fn with_tolerance(mut self, share: f64) -> Self {
-        self.tolerance = self.tolerance.min(share);
+    /// The same with less room for noise: corners may lie outside by at most this fraction of the keypoint's distance.
+    pub(crate) fn with_tolerance(mut self, fraction: f64) -> Self {
+        self.tolerance = self.tolerance.min(fraction);
         self
     }
 }

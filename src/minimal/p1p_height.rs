@@ -1,17 +1,24 @@
 //! P1P with the camera's height: for objects of whose box one side or none is known.
 //!
-//! An object on the ground has its keypoint `X` at the known height `h - (y_bottom - X_y)` below the camera
-//! (y down), so the keypoint's ray ends there: `l_C = (h - y_bottom + X_y) / k_y`. One known side of the box then
-//! gives the yaw: a corner on its plane is `p cos + q sin + (g + a l_C) = 0`, two roots per corner.
+//! An object on the ground has its keypoint $`X`$ at the known height $`h - (y_{bottom} - X_y)`$ below the camera
+//! (y down), so the keypoint's ray $`k`$ ends there. One known side of the box then gives the yaw $`\psi`$: with the
+//! offset $`d`$ from the keypoint to a corner and the normal $`n`$ of the plane through the side,
+//!
+//! ```math
+//! l_C = \frac{h - y_{bottom} + X_y}{k_y}, \qquad n^T \bigl( l_C k + R_y(\psi) d \bigr) = 0 ,
+//! ```
+//!
+//! two roots per corner.
 
 use nalgebra::Vector3;
 
 use super::MinimalSolver;
-use super::p1p::{FEASIBILITY_TOLERANCE, pose_at, solve_yaw, touching_heights};
+use super::p1p::{pose_at, solve_yaw, touching_heights};
 use crate::geometry::bbox::Bbox;
 use crate::geometry::pose::Pose;
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
+use crate::tuning::FEASIBILITY_TOLERANCE;
 
 /// A keypoint at nearly the camera's height has no depth: the smallest slope of its ray against the ground.
 const SMALLEST_SLOPE: f64 = 1e-3;

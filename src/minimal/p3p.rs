@@ -1,7 +1,12 @@
-//! P3P: pose from three keypoints, without any prior (the rival of the paper, RNSC-P3P).
+//! P3P: pose from three keypoints, without any prior (what the paper compares with, RNSC-P3P).
 //!
-//! The depths `d_i` along unit rays `m_i` satisfy `d_i^2 + d_j^2 - 2 d_i d_j m_i . m_j = |X_i - X_j|^2`. Two
-//! combinations of the three equations are homogeneous: two conics whose common points are the solutions. One
+//! The depths $`d_i`$ along unit rays $`m_i`$ satisfy, for each pair of keypoints,
+//!
+//! ```math
+//! d_i^2 + d_j^2 - 2 \, d_i d_j \, m_i^T m_j = \lVert X_i - X_j \rVert^2 .
+//! ```
+//!
+//! Two combinations of the three equations are homogeneous: two conics whose common points are the solutions. One
 //! degenerate member of their pencil (a cubic in one unknown) is a pair of lines, and each line meets a conic in
 //! two points at most. This is the construction of Persson and Nordberg, "Lambda Twist" (ECCV 2018), with the
 //! lines taken from the adjugate as in Ding et al., "Revisiting the P3P Problem" (CVPR 2023): of the real members

@@ -1,7 +1,13 @@
 //! UP2P: pose of an upright object from two keypoints and the tilt; no box needed.
 //!
-//! With rays `k_1`, `k_2` in the ground frame, `l_2 k_2 - l_1 k_1 = R(yaw) D`, `D = X_2 - X_1`. The y component
-//! is linear in the distances, the length in the bird's-eye view quadratic: two solutions.
+//! With rays $`k_1`$, $`k_2`$ of two keypoints $`X_1`$, $`X_2`$ in the ground frame, distances $`l_1`$, $`l_2`$ along them
+//! and the yaw $`\psi`$,
+//!
+//! ```math
+//! l_2 k_2 - l_1 k_1 = R_y(\psi) (X_2 - X_1) .
+//! ```
+//!
+//! The y component is linear in the distances, the length in the bird's-eye view quadratic: two solutions.
 
 use nalgebra::Vector3;
 

@@ -14,8 +14,15 @@ use crate::geometry::footprint::Footprint;
 /// # Ok::<(), groundpose::InputError>(())
 /// ```
 pub const MAX_MODES: usize = 10;
-/// Keypoints of an object or of a class of objects, and how they vary (active shape model, paper sec. 3.3):
-/// `X_i = mean_i + sum_j lambda_j B_ij`. Borrowed data, checked once.
+
+/// Keypoints of an object or of a class of objects, and how they vary (active shape model, paper sec. 3.3). With
+/// coefficients $`\lambda_j`$ of modes $`B_j`$, keypoint $`i`$ is at
+///
+/// ```math
+/// X_i = \bar{X}_i + \sum_j \lambda_j B_{ij} .
+/// ```
+///
+/// Borrowed data, checked once.
 ///
 /// ```
 /// use groundpose::{Footprint, ShapeModel};

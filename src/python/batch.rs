@@ -5,28 +5,27 @@ use std::sync::Arc;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use rayon::ThreadPool;
 
 use super::arrays::{flat, require_shape, rows};
-use super::classes::{ModelData, PyModel, PyView};
+use super::classes::{ModelData, PyModel, PyView, to_matrix};
 use super::input_error;
 use super::options::PyOptions;
-use super::outputs::{Answer, Outputs, Rows};
+use super::outputs::Outputs;
 use super::threads::pool;
-use crate::error::NoPose;
-use crate::estimate::batch::OBJECTS_PER_TASK;
+use crate::estimate::batch::{Answers, Batch, OBJECTS_PER_TASK, Objects};
 use crate::estimate::estimator::Estimator;
-use crate::estimate::options::Solver;
-use crate::estimate::workspace::{GrowingWorkspace, Workspace};
+use crate::estimate::frame_tilt::FrameTilt;
+use crate::estimate::workspace::GrowingWorkspace;
 use crate::geometry::bbox::Bbox;
-use crate::geometry::view::View;
 use crate::model::observation::Observation;
+use crate::model::shape_model::ShapeModel;
 
 /// Objects between two looks for an interrupt; also bounds the memory beyond inputs and outputs.
 const OBJECTS_PER_BLOCK: usize = 2048;
 
 /// Everything the objects of a call share.
 struct Inputs<'a> {
-    view: View,
     keypoints_2d: &'a [[f64; 2]],
     keypoints: usize,
     scores: Option<&'a [f64]>,
@@ -35,9 +34,11 @@ struct Inputs<'a> {
     models: Vec<Arc<ModelData>>,
 }
 
-/// Poses of a batch; one dict of arrays.
+/// Poses of a batch; one dict of arrays. With `frame_tilt_sigma` the frame's tilt is estimated first, from all objects,
+/// and in the dict too.
 #[pyfunction]
-#[pyo3(signature = (view, keypoints_2d, keypoint_scores, bboxes, models, inlier_thresholds, options, threads))]
+#[pyo3(signature = (view, keypoints_2d, keypoint_scores, bboxes, models, inlier_thresholds, options, threads,
+                    frame_tilt_sigma=None))]
 #[expect(clippy::too_many_arguments, reason = "one private call with everything a batch needs")]
 pub(crate) fn estimate_batch<'py>(
     py: Python<'py>,
@@ -49,6 +50,7 @@ pub(crate) fn estimate_batch<'py>(
     inlier_thresholds: Option<PyReadonlyArray1<'py, f64>>,
     options: &PyOptions,
     threads: usize,
+    frame_tilt_sigma: Option<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let &[objects, keypoints, _] = keypoints_2d.shape() else {
         return Err(input_error("keypoints_2d", "shape (N, P, 2)", &format!("{:?}", keypoints_2d.shape())));
@@ -73,7 +75,6 @@ pub(crate) fn estimate_batch<'py>(
         require_shape("inlier_threshold", &t.as_array(), &[objects])?;
     }
     let inputs = Inputs {
-        view: view.0,
         keypoints_2d: rows::<2, _>("keypoints_2d", &keypoints_2d)?,
         keypoints,
         scores: keypoint_scores.as_ref().map(|s| flat("keypoint_scores", s)).transpose()?,
@@ -81,72 +82,70 @@ pub(crate) fn estimate_batch<'py>(
         thresholds: inlier_thresholds.as_ref().map(|t| flat("inlier_threshold", t)).transpose()?,
         models,
     };
-    if options.0.solver == Solver::P1pHeight && view.0.height.is_none() {
-        return Err(input_error("view", "a height, for solver \"p1p_height\"", "none"));
-    }
     let estimator = Estimator::new(options.0)?;
-    let mut outputs = Outputs::new(objects, keypoints, &inputs.models);
     // One thread is the caller's own: no pool, no hand-over.
     let pool = if threads == 1 || objects <= OBJECTS_PER_TASK { None } else { Some(pool(threads)?) };
-    let (mut rest, mut workspace) = (outputs.rows(), GrowingWorkspace::new());
-    while rest.objects() > 0 {
-        py.check_signals()?;
-        let count = OBJECTS_PER_BLOCK.min(rest.objects());
-        let (rows, others) = rest.split_at(count);
-        py.detach(|| match &pool {
-            None => inputs.estimate(&estimator, &mut workspace, rows),
-            Some(pool) => pool.install(|| inputs.estimate_parallel(&estimator, rows)),
-        });
-        rest = others;
+    let mut outputs = Outputs::new(objects, keypoints, &inputs.models);
+    let mut view = view.0;
+    let dict = PyDict::new(py);
+    if let Some(sigma) = frame_tilt_sigma {
+        let frame = estimator.frame_tilt(&view, objects, sigma, |free, axes| {
+            estimate_in_blocks(py, free.batch(&view, &inputs)?, pool.as_deref(), axes)
+        })?;
+        view = frame.view;
+        add_tilt(&dict, &frame)?;
     }
-    outputs.into_dict(py)
+    estimate_in_blocks(py, estimator.batch(&view, &inputs)?, pool.as_deref(), outputs.rows())?;
+    outputs.add_to(&dict)?;
+    Ok(dict)
 }
 
-impl Inputs<'_> {
-    /// Answers of some objects into their rows.
-    fn estimate(&self, estimator: &Estimator, workspace: &mut GrowingWorkspace, mut rows: Rows) {
-        for k in 0..rows.objects() {
-            let answer = self.estimate_one(estimator, rows.first + k, workspace, rows.residuals_of(k));
-            rows.store(k, &answer);
-        }
+/// All answers, with a look for an interrupt between blocks and the GIL released within.
+fn estimate_in_blocks(
+    py: Python<'_>,
+    batch: Batch<Inputs>,
+    pool: Option<&ThreadPool>,
+    mut rest: impl Answers,
+) -> PyResult<()> {
+    let (mut first, mut workspace) = (0, GrowingWorkspace::new());
+    while rest.len() > 0 {
+        py.check_signals()?;
+        let count = OBJECTS_PER_BLOCK.min(rest.len());
+        let (these, others) = rest.split_at(count);
+        py.detach(|| match pool {
+            None => batch.on_this_thread(&mut workspace, first, these),
+            Some(pool) => pool.install(|| batch.on_threads(first, these)),
+        });
+        (rest, first) = (others, first + count);
     }
+    Ok(())
+}
 
-    /// The same on the threads of the current pool.
-    fn estimate_parallel(&self, estimator: &Estimator, rows: Rows) {
-        let objects = rows.objects();
-        if objects <= OBJECTS_PER_TASK {
-            return self.estimate(estimator, &mut GrowingWorkspace::new(), rows);
-        }
-        let (left, right) = rows.split_at((objects / 2).next_multiple_of(OBJECTS_PER_TASK));
-        rayon::join(|| self.estimate_parallel(estimator, left), || self.estimate_parallel(estimator, right));
-    }
+/// Pitch and roll of a frame's view, and their covariance.
+fn add_tilt(dict: &Bound<'_, PyDict>, frame: &FrameTilt) -> PyResult<()> {
+    dict.set_item("pitch", frame.view.tilt.pitch)?;
+    dict.set_item("roll", frame.view.tilt.roll)?;
+    // about the ground's z axis (roll) and x axis (pitch), in the order in which a view has them
+    let c = frame.covariance;
+    dict.set_item("tilt_covariance", to_matrix(dict.py(), &[[c[(1, 1)], c[(1, 0)]], [c[(0, 1)], c[(0, 0)]]])?)
+}
 
-    fn estimate_one(
-        &self,
-        estimator: &Estimator,
-        i: usize,
-        workspace: &mut GrowingWorkspace,
-        residuals: &mut [f64],
-    ) -> Answer {
-        residuals.fill(f64::NAN);
+impl Objects for Inputs<'_> {
+    fn observe<R>(&self, i: usize, f: impl FnOnce(&Observation) -> R) -> Option<R> {
         let model = self.models[if self.models.len() == 1 { 0 } else { i }].shape_model();
         let count = model.keypoint_count();
         let row = i * self.keypoints;
         let keypoints = &self.keypoints_2d[row..row + count];
         let scores = self.scores.map(|s| &s[row..row + count]);
         let bbox = self.bboxes.map(|b| b[i]).filter(|b| !b.iter().all(|x| x.is_nan()));
-        let observation =
-            observe(keypoints, &model, scores, bbox, self.thresholds.map(|t| t[i])).ok_or(NoPose::InvalidInput)?;
-        let estimate = estimator.estimate_indexed(&self.view, &observation, workspace, i as u64)?;
-        residuals[..count].copy_from_slice(workspace.residuals());
-        Ok(estimate)
+        observe(keypoints, &model, scores, bbox, self.thresholds.map(|t| t[i])).map(|observation| f(&observation))
     }
 }
 
 /// The observation of one object; `None` where one of its own numbers is not usable.
 fn observe<'a>(
     keypoints: &'a [[f64; 2]],
-    model: &'a crate::model::shape_model::ShapeModel<'a>,
+    model: &'a ShapeModel<'a>,
     scores: Option<&'a [f64]>,
     bbox: Option<[f64; 4]>,
     threshold: Option<f64>,

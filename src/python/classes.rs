@@ -35,8 +35,8 @@ impl PyCamera {
         if let Some(k) = distortion {
             let lens = with_coefficients(&k);
             let expected = "as many coefficients as the lens model has";
-            camera = camera
-                .with_lens(lens.ok_or_else(|| input_error("distortion", expected, &k.len().to_string()))?)?;
+            camera =
+                camera.with_lens(lens.ok_or_else(|| input_error("distortion", expected, &k.len().to_string()))?)?;
         }
         if let Some([width, height]) = image_size {
             camera = camera.with_image_size(width, height)?;

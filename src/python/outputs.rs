@@ -7,12 +7,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::classes::ModelData;
-use crate::error::NoPose;
-use crate::estimate::estimator::Estimate;
+use crate::estimate::batch::{Answer, Answers};
+use crate::estimate::describe::Estimate;
 use crate::refine::schedule::MAX_STAGES;
-
-/// A pose, or why there is none.
-pub(super) type Answer = Result<Estimate, NoPose>;
 
 /// One output array of numbers: its name, its shape for one object, and how an estimate fills it.
 struct Field<T> {
@@ -141,8 +138,6 @@ pub(super) struct Outputs {
 
 /// The rows of some objects in all arrays.
 pub(super) struct Rows<'a> {
-    /// Index of the first of them.
-    pub(super) first: usize,
     keypoints: usize,
     status: &'a mut [u8],
     stop_reason: &'a mut [u8],
@@ -153,13 +148,12 @@ pub(super) struct Rows<'a> {
     counts: Vec<ColumnRows<'a, i64>>,
 }
 
-impl<'a> Rows<'a> {
-    pub(super) fn objects(&self) -> usize {
+impl Answers for Rows<'_> {
+    fn len(&self) -> usize {
         self.status.len()
     }
 
-    /// The first `k` objects, and the others.
-    pub(super) fn split_at(self, k: usize) -> (Self, Self) {
+    fn split_at(self, k: usize) -> (Self, Self) {
         let (status, status_of_others) = self.status.split_at_mut(k);
         let (stop_reason, stop_reason_of_others) = self.stop_reason.split_at_mut(k);
         let (solver, solver_of_others) = self.solver.split_at_mut(k);
@@ -167,19 +161,9 @@ impl<'a> Rows<'a> {
         let (residuals, residuals_of_others) = self.residuals.split_at_mut(k * self.keypoints);
         let (numbers, numbers_of_others) = self.numbers.into_iter().map(|column| column.split_at(k)).unzip();
         let (counts, counts_of_others) = self.counts.into_iter().map(|column| column.split_at(k)).unzip();
-        let these = Rows {
-            first: self.first,
-            keypoints: self.keypoints,
-            status,
-            stop_reason,
-            solver,
-            inlier_mask,
-            residuals,
-            numbers,
-            counts,
-        };
+        let these =
+            Rows { keypoints: self.keypoints, status, stop_reason, solver, inlier_mask, residuals, numbers, counts };
         let others = Rows {
-            first: self.first + k,
             keypoints: self.keypoints,
             status: status_of_others,
             stop_reason: stop_reason_of_others,
@@ -192,20 +176,17 @@ impl<'a> Rows<'a> {
         (these, others)
     }
 
-    /// Row of residuals of object `k` of these.
-    pub(super) fn residuals_of(&mut self, k: usize) -> &mut [f64] {
-        &mut self.residuals[k * self.keypoints..(k + 1) * self.keypoints]
-    }
-
-    /// The answer of object `k` of these into all arrays; its residuals are there already.
-    pub(super) fn store(&mut self, k: usize, answer: &Answer) {
-        self.numbers.iter_mut().for_each(|column| column.store(k, answer));
-        self.counts.iter_mut().for_each(|column| column.store(k, answer));
+    fn store(&mut self, k: usize, answer: Answer, residuals: &[f64]) {
+        self.numbers.iter_mut().for_each(|column| column.store(k, &answer));
+        self.counts.iter_mut().for_each(|column| column.store(k, &answer));
+        let row = k * self.keypoints..(k + 1) * self.keypoints;
+        let (mask, out) = (&mut self.inlier_mask[row.clone()], &mut self.residuals[row]);
+        out.fill(f64::NAN);
         match answer {
-            Err(reason) => self.status[k] = *reason as u8,
+            Err(reason) => self.status[k] = reason as u8,
             Ok(estimate) => {
-                let row = k * self.keypoints..(k + 1) * self.keypoints;
-                for (mask, &residual) in self.inlier_mask[row.clone()].iter_mut().zip(&self.residuals[row]) {
+                out[..residuals.len()].copy_from_slice(residuals);
+                for (mask, &residual) in mask.iter_mut().zip(&*out) {
                     *mask = residual <= estimate.inlier_threshold;
                 }
                 self.stop_reason[k] = estimate.ransac.stop_reason as u8;
@@ -233,7 +214,6 @@ impl Outputs {
 
     pub(super) fn rows(&mut self) -> Rows<'_> {
         Rows {
-            first: 0,
             keypoints: self.keypoints,
             status: &mut self.status,
             stop_reason: &mut self.stop_reason,
@@ -245,16 +225,15 @@ impl Outputs {
         }
     }
 
-    pub(super) fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-        let dict = PyDict::new(py);
+    pub(super) fn add_to(self, dict: &Bound<'_, PyDict>) -> PyResult<()> {
+        let py = dict.py();
         let per_keypoint = [self.objects, self.keypoints];
         for (name, values) in [("status", self.status), ("stop_reason", self.stop_reason), ("solver", self.solver)] {
             dict.set_item(name, values.into_pyarray(py))?;
         }
-        self.numbers.into_iter().try_for_each(|column| column.add_to(&dict))?;
-        self.counts.into_iter().try_for_each(|column| column.add_to(&dict))?;
+        self.numbers.into_iter().try_for_each(|column| column.add_to(dict))?;
+        self.counts.into_iter().try_for_each(|column| column.add_to(dict))?;
         dict.set_item("inlier_mask", self.inlier_mask.into_pyarray(py).reshape(per_keypoint)?)?;
-        dict.set_item("residuals", self.residuals.into_pyarray(py).reshape(per_keypoint)?)?;
-        Ok(dict)
+        dict.set_item("residuals", self.residuals.into_pyarray(py).reshape(per_keypoint)?)
     }
 }

@@ -4,6 +4,7 @@ use crate::geometry::camera::Camera;
 use crate::geometry::pose::Pose;
 use crate::simd::dispatch::HotLoop;
 use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
+use crate::simd::projection::centred;
 
 /// Where a side of the projected box is, pixels relative to the principal point, and the corner there, metres.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,7 +34,7 @@ impl HotLoop for Outermost<'_> {
 
     #[inline(always)]
     fn run<U: Unit>(self, unit: U) -> Self::Output {
-        let (zero, one, infinity) = (unit.zero(), unit.splat(1.0), unit.splat(f64::INFINITY));
+        let (zero, infinity) = (unit.zero(), unit.splat(f64::INFINITY));
         let (r, t) = (&self.pose.r, &self.pose.t);
         // Coordinates of right and bottom are negated, so that the outermost is always the smallest.
         let (mut best, mut index) = ([infinity; 4], [zero; 4]);
@@ -49,8 +50,7 @@ impl HotLoop for Outermost<'_> {
                     x * r[(2, 0)] + z * r[(2, 2)] + unit.splat(t.z + r[(2, 1)] * y),
                 );
                 nearest = nearest.min(pz);
-                let inverse = one / pz;
-                let (u, v) = (px * inverse * self.camera.fx, py * inverse * self.camera.fy);
+                let [u, v] = centred(unit, self.camera, [px, py, pz]);
                 let number = unit.load(COUNT) + unit.splat((LANES * (2 * k + half)) as f64);
                 let coordinates = [u, v, zero - u, zero - v];
                 for side in 0..4 {

@@ -1,8 +1,12 @@
 //! The sides of a 2D box as residuals of a pose: where the projected 3D box ends against where the 2D box does.
 
+use nalgebra::Vector3;
+
+use crate::geometry::camera::Camera;
 use crate::geometry::math::square;
+use crate::geometry::pose::Pose;
 use crate::refine::box_extremes::Extreme;
-use crate::refine::kernels::Kernel;
+use crate::refine::kernels::{Rho, Tukey};
 use crate::simd::blocks::Block;
 use crate::simd::lanes::{LANES, Lanes};
 
@@ -13,8 +17,8 @@ pub(crate) struct Sides {
     pub(crate) block: Block,
     /// Where the corners are in the image: of a column or a row.
     coordinates: [f64; LANES],
-    /// Scale of their Tukey kernel, pixels squared, and their weight in units of the pixel cost.
-    pub(crate) c2: f64,
+    /// Scale of their kernel, pixels squared, and their weight in units of the pixel cost.
+    c2: f64,
     pub(crate) scale: f64,
 }
 
@@ -49,10 +53,37 @@ impl Sides {
         core::array::from_fn(|side| self.coordinates[side] - self.block.u.0[side])
     }
 
+    /// How the cost of a side grows.
+    #[inline(always)]
+    pub(crate) fn kernel(&self) -> Tukey {
+        Tukey::new(self.c2)
+    }
+
     /// Their cost (pixels squared, halved).
     pub(crate) fn cost(&self) -> f64 {
-        let kernel = Kernel::Tukey { c2: self.c2 };
+        let kernel = self.kernel();
         let (residuals, known) = (self.residuals(), self.block.weight.0);
         (0..LANES).map(|side| self.scale * known[side] * kernel.evaluate(square(residuals[side])).0).sum()
     }
+}
+
+/// Jacobian of one point's residual: rows `u` and `v`, by a rotation vector on the left and a translation.
+pub(crate) struct PointJacobian {
+    /// `d residual / d (rotation, translation)`.
+    pub(crate) pose: [[f64; 6]; 2],
+    /// `d residual / d X_object`.
+    pub(crate) point: [[f64; 3]; 2],
+}
+
+/// Jacobian of one model point's residual; `None` behind the camera.
+#[inline]
+pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3]) -> Option<PointJacobian> {
+    let rotated: Vector3<f64> = pose.r * Vector3::from(model);
+    let gradients = camera.projection_gradients(&(rotated + pose.t))?;
+    let row = |g: &Vector3<f64>| {
+        let w = rotated.cross(g);
+        [w.x, w.y, w.z, g.x, g.y, g.z]
+    };
+    let to_object = |g: &Vector3<f64>| -> [f64; 3] { pose.r.tr_mul(g).into() };
+    Some(PointJacobian { pose: gradients.each_ref().map(row), point: gradients.each_ref().map(to_object) })
 }

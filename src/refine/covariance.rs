@@ -1,4 +1,11 @@
 //! How sure a pose is: the inverse of the normal equations over its inliers, priors included.
+//!
+//! With the Jacobians $`J_i`$ of the inliers' residuals, their weights $`w_i`$, the noise $`\sigma`$ of a coordinate and
+//! the normal matrix $`P`$ of the priors, in units of a pixel's cost,
+//!
+//! ```math
+//! \Sigma = \sigma^2 \Bigl( \sum_i w_i J_i^T J_i + P \Bigr)^{-1} .
+//! ```
 
 use nalgebra::SMatrix;
 
@@ -35,20 +42,20 @@ pub(crate) fn covariance(
     state: &State,
     inlier_threshold: f64,
 ) -> Option<(PoseCovariance, ShapeCovariance)> {
-    objective.activate_within(&state.pose, inlier_threshold);
-    match padded_modes(objective.model.eigenvalues().len()) {
+    objective.keypoints.activate_within(state, inlier_threshold);
+    match padded_modes(objective.keypoints.model.eigenvalues().len()) {
         0 => inverse::<6>(objective, state),
         5 => inverse::<11>(objective, state),
         _ => inverse::<{ 6 + MAX_MODES }>(objective, state),
     }
 }
 
-fn inverse<const D: usize>(objective: &Objective, state: &State) -> Option<(PoseCovariance, ShapeCovariance)> {
+fn inverse<const D: usize>(objective: &mut Objective, state: &State) -> Option<(PoseCovariance, ShapeCovariance)> {
     let mut normal = Normal::<D>::ZERO;
     objective.linearise(state, Kernel::LeastSquares, &mut normal);
     cholesky(&mut normal.h)?;
     let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
-    let modes = objective.model.eigenvalues().len();
+    let modes = objective.keypoints.model.eigenvalues().len();
     for column in 0..6 + modes {
         let mut x = [0.0; D];
         x[column] = square(objective.priors.noise_sigma);

@@ -4,6 +4,7 @@ pub(crate) mod box_extremes;
 pub(crate) mod box_sides;
 pub mod covariance;
 pub mod kernels;
+pub(crate) mod keypoints;
 pub(crate) mod lm;
 pub(crate) mod normal;
 pub(crate) mod normal_joint;

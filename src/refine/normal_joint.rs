@@ -24,7 +24,7 @@ impl<const D: usize> HotLoop for LineariseJoint<'_, D> {
         let zero = unit.zero();
         let (mut cost, mut gradient, mut h) = (zero, [zero; D], [[zero; D]; D]);
         let mut first = 0;
-        self.summands.with_kernel(
+        self.summands.each(
             unit,
             #[inline(always)]
             |q, rho, [w, _]| {

@@ -3,11 +3,12 @@
 use crate::geometry::camera::Camera;
 use crate::geometry::pose::Pose;
 use crate::refine::box_sides::{SPEAKS_OF_COLUMN, SPEAKS_OF_ROW, Sides};
-use crate::refine::kernels::{Kernel, tukey_lanes};
+use crate::refine::kernels::{Kernel, Rho, WithRho};
 use crate::refine::normal::Normal;
 use crate::simd::blocks::Block;
 use crate::simd::dispatch::HotLoop;
-use crate::simd::lanes::{Lanes, Unit, Vector};
+use crate::simd::lanes::{Unit, Vector};
+use crate::simd::projection::Projected;
 
 /// What a cost is summed over.
 pub(crate) struct Summands<'a> {
@@ -18,107 +19,46 @@ pub(crate) struct Summands<'a> {
     pub(crate) kernel: Kernel,
 }
 
-/// Four points seen from a pose.
-pub(crate) struct Projected<V> {
-    /// Rotated model points.
-    pub(crate) p: [V; 3],
-    depth: V,
-    /// One over the depth, and the same times the focal lengths; zero behind the camera.
-    pub(crate) inverse: V,
-    pub(crate) a: V,
-    pub(crate) d: V,
-    /// Pixels, relative to the principal point, and residuals.
-    pub(crate) u: V,
-    pub(crate) v: V,
-    pub(crate) du: V,
-    pub(crate) dv: V,
-}
-
 impl Summands<'_> {
-    #[inline(always)]
-    fn project<U: Unit>(&self, unit: U, block: &Block) -> Projected<U::Vector> {
-        let t = &self.pose.t;
-        let p = [self.rotated(unit, block, 0), self.rotated(unit, block, 1), self.rotated(unit, block, 2)];
-        let depth = p[2] + unit.splat(t.z);
-        // A point behind the camera has no weight; its Jacobian must stay finite.
-        let inverse = (unit.splat(1.0) / depth).where_positive(depth, unit.zero());
-        let (a, d) = (inverse * self.camera.fx, inverse * self.camera.fy);
-        let (u, v) = ((p[0] + unit.splat(t.x)) * a, (p[1] + unit.splat(t.y)) * d);
-        Projected { p, depth, inverse, a, d, u, v, du: u - unit.load(block.u), dv: v - unit.load(block.v) }
-    }
-
-    /// One coordinate of the rotated model points.
-    #[inline(always)]
-    fn rotated<U: Unit>(&self, unit: U, block: &Block, i: usize) -> U::Vector {
-        let r = &self.pose.r;
-        unit.load(block.x) * r[(i, 0)] + unit.load(block.y) * r[(i, 1)] + unit.load(block.z) * r[(i, 2)]
-    }
-
     /// Calls `add` with everything that has a residual: where it is, its cost, the weights of its column and row.
     #[inline(always)]
-    fn each<U: Unit>(
-        &self,
-        unit: U,
-        evaluate: impl Fn(U::Vector) -> (U::Vector, U::Vector),
-        mut add: impl FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2]),
-    ) {
+    pub(crate) fn each<U: Unit>(&self, unit: U, add: impl FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2])) {
+        self.kernel.with(Each { summands: self, unit, add });
+    }
+
+    #[inline(always)]
+    fn project<U: Unit>(&self, unit: U, block: &Block) -> Projected<U::Vector> {
+        Projected::new(unit, self.camera, self.pose, block)
+    }
+}
+
+/// [`Summands::each`] once the kernel is known.
+struct Each<'a, U, F> {
+    summands: &'a Summands<'a>,
+    unit: U,
+    add: F,
+}
+
+impl<U: Unit, F: FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2])> WithRho for Each<'_, U, F> {
+    #[inline(always)]
+    fn run(self, kernel: impl Rho) {
+        let Self { summands, unit, mut add } = self;
         let (zero, infinity) = (unit.zero(), unit.splat(f64::INFINITY));
-        for block in self.blocks {
+        for block in summands.blocks {
             let active = unit.load(block.active);
-            let q = self.project(unit, block);
-            let (rho, weight) = evaluate((q.du * q.du + q.dv * q.dv).where_positive(q.depth, infinity));
+            let q = summands.project(unit, block);
+            let (rho, weight) = kernel.lanes(unit, (q.du * q.du + q.dv * q.dv).where_positive(q.depth, infinity));
             let cost = (rho * active).where_positive(active, zero);
             let w = (weight * active).where_positive(q.depth, zero);
             add(q, cost, [w, w]);
         }
-        if let Some(sides) = self.sides {
+        if let Some(sides) = summands.sides {
             let (column, row) = (unit.load(SPEAKS_OF_COLUMN), unit.load(SPEAKS_OF_ROW));
             let known = unit.load(sides.block.weight);
-            let q = self.project(unit, &sides.block);
-            let r2 = q.du * q.du * column + q.dv * q.dv * row;
-            let (rho, weight) = tukey_lanes(unit, r2, sides.c2, 1.0 / sides.c2);
+            let q = summands.project(unit, &sides.block);
+            let (rho, weight) = sides.kernel().lanes(unit, q.du * q.du * column + q.dv * q.dv * row);
             let w = weight * known * sides.scale;
             add(q, rho * known * sides.scale, [w * column, w * row]);
-        }
-    }
-
-    /// [`Summands::each`] with the kernel at hand.
-    #[inline(always)]
-    pub(crate) fn with_kernel<U: Unit>(
-        &self,
-        unit: U,
-        add: impl FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2]),
-    ) {
-        match self.kernel {
-            Kernel::LeastSquares => {
-                let one = unit.splat(1.0);
-                self.each(
-                    unit,
-                    #[inline(always)]
-                    |r2| (r2 * 0.5, one),
-                    add,
-                );
-            }
-            Kernel::Tukey { c2 } => {
-                let inverse = 1.0 / c2;
-                self.each(
-                    unit,
-                    #[inline(always)]
-                    |r2| tukey_lanes(unit, r2, c2, inverse),
-                    add,
-                );
-            }
-            Kernel::Student { .. } => {
-                self.each(
-                    unit,
-                    #[inline(always)]
-                    |r2| {
-                        let both = r2.lanes().0.map(|r2| self.kernel.evaluate(r2));
-                        (unit.load(Lanes(both.map(|b| b.0))), unit.load(Lanes(both.map(|b| b.1))))
-                    },
-                    add,
-                );
-            }
         }
     }
 }
@@ -132,7 +72,7 @@ impl HotLoop for Cost<'_> {
     #[inline(always)]
     fn run<U: Unit>(self, unit: U) -> f64 {
         let mut sum = unit.zero();
-        self.0.with_kernel(
+        self.0.each(
             unit,
             #[inline(always)]
             |_, cost, _| sum += cost,
@@ -153,7 +93,7 @@ impl<const D: usize> HotLoop for Linearise<'_, D> {
     #[inline(always)]
     fn run<U: Unit>(self, unit: U) {
         let mut sums = [unit.zero(); SUMS];
-        self.summands.with_kernel(
+        self.summands.each(
             unit,
             #[inline(always)]
             |q, cost, w| {

@@ -1,4 +1,8 @@
 //! What is known besides the keypoints, weighed against their noise: the ground, the class, the 2D box.
+//!
+//! With the noise $`\sigma`$ of a coordinate, a prior on $`q`$ of standard deviation $`\sigma_q`$ adds the cost
+//! $`(\sigma / \sigma_q)^2 \, \rho(q)`$: Student's t for the object's lean, $`q^2 / 2`$ for a coefficient of its shape
+//! (whose variance is the mode's eigenvalue), Tukey's biweight for a side of its box.
 
 use nalgebra::Vector3;
 
@@ -6,11 +10,11 @@ use crate::geometry::math::square;
 use crate::geometry::view::View;
 use crate::model::shape_model::ShapeModel;
 use crate::refine::box_extremes::Outermost;
-use crate::refine::box_sides::Sides;
-use crate::refine::kernels::Kernel;
+use crate::refine::box_sides::{Sides, point_jacobian};
+use crate::refine::kernels::{Kernel, Rho};
 use crate::refine::normal::{Normal, State, add_row};
-use crate::simd::blocks::point_jacobian;
 use crate::simd::dispatch::VectorUnit;
+use crate::tuning::{BBOX_CUT, TILT_DOF};
 
 /// Priors of one object.
 #[derive(Clone, Copy, Debug)]
@@ -28,12 +32,6 @@ pub(crate) struct Priors {
     /// Standard deviation of a side, pixels; infinite: no prior.
     pub(crate) bbox_sigma: f64,
 }
-
-/// Tails of the tilt prior: nearly Gaussian inside, forgiving for a tilt that is wrong for the whole frame.
-const TILT_DOF: f64 = 8.0;
-/// Standard deviations at which a side of the box loses its say: detectors' boxes have heavy tails, and the box of a
-/// hidden object ends anywhere.
-const BBOX_CUT: f64 = 4.0;
 
 /// Priors and what they speak of.
 pub(crate) struct PriorTerms<'a> {
@@ -144,7 +142,7 @@ impl PriorTerms<'_> {
 
     /// Adds the rows of the box to the unknowns of pose and shape; its cost.
     pub(crate) fn add_sides<const D: usize>(&self, state: &State, sides: &Sides, normal: &mut Normal<D>) -> f64 {
-        let kernel = Kernel::Tukey { c2: sides.c2 };
+        let kernel = sides.kernel();
         for (side, residual) in sides.residuals().into_iter().enumerate() {
             let (corner, axis) = (sides.corner(side), side % 2);
             let weight = sides.scale * kernel.evaluate(square(residual)).1;
@@ -158,9 +156,9 @@ impl PriorTerms<'_> {
             let mut row = [0.0; D];
             row[..6].copy_from_slice(pose);
             let [min, max] = self.model.bbox_3d_of(&state.coefficients);
-            let share = [0, 1, 2].map(|axis| (corner[axis] - min[axis]) / (max[axis] - min[axis]));
+            let place = [0, 1, 2].map(|axis| (corner[axis] - min[axis]) / (max[axis] - min[axis]));
             for (entry, [min, max]) in row[6..].iter_mut().zip(self.model.bbox_basis()) {
-                *entry = (0..3).map(|axis| point[axis] * (min[axis] + share[axis] * (max[axis] - min[axis]))).sum();
+                *entry = (0..3).map(|axis| point[axis] * (min[axis] + place[axis] * (max[axis] - min[axis]))).sum();
             }
             add_row(normal, &row, residual, weight);
         }

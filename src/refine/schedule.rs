@@ -4,8 +4,13 @@ use crate::geometry::math::{sqrt, square};
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
 use crate::refine::kernels::Kernel;
+use crate::refine::keypoints::Keypoints;
 use crate::refine::normal::{State, padded_modes};
 use crate::refine::objective::Objective;
+use crate::tuning::{
+    GN_ITERATIONS, HRE_ITERATIONS, PAPER_TOLERANCE, POLISH_ITERATIONS, POLISH_TOLERANCE, RE_ITERATIONS,
+    WIDE_ITERATIONS, WIDE_SCALE, WIDE_TOLERANCE,
+};
 
 /// How a hypothesis becomes a pose.
 ///
@@ -95,36 +100,44 @@ const SMALLEST_SCALE: f64 = 1e-9;
 
 /// The schedule of a refinement for an inlier threshold in pixels and `tau_1, tau_2, tau_3` as its multiples.
 pub(crate) fn schedule(refinement: Refinement, threshold: f64, hre_thresholds: [f64; 3]) -> Schedule {
-    let stage =
-        |kernel, joint, max_iterations| Some(Stage { kernel, joint, bbox: true, max_iterations, tolerance: 1e-8 });
+    let stage = |kernel, joint, max_iterations| {
+        Some(Stage { kernel, joint, bbox: true, max_iterations, tolerance: PAPER_TOLERANCE })
+    };
     let [tau1, tau2, tau3] = hre_thresholds.map(|m| m * threshold);
     match refinement {
         Refinement::None => [None; MAX_STAGES],
-        Refinement::Gn => [stage(StageKernel::Inliers { tau: threshold }, true, 20), None, None],
+        Refinement::Gn => [stage(StageKernel::Inliers { tau: threshold }, true, GN_ITERATIONS), None, None],
         Refinement::Re => {
             let mad = StageKernel::MadTukey { lowest: SMALLEST_SCALE, highest: f64::INFINITY };
-            [stage(mad, true, 50), None, None]
+            [stage(mad, true, RE_ITERATIONS), None, None]
         }
         Refinement::Hre => [
-            stage(StageKernel::MadTukey { lowest: tau2, highest: tau3 }, false, 30),
-            stage(StageKernel::MadTukey { lowest: tau1, highest: tau2 }, true, 30),
-            stage(StageKernel::Inliers { tau: tau1 }, true, 20),
+            stage(StageKernel::MadTukey { lowest: tau2, highest: tau3 }, false, HRE_ITERATIONS[0]),
+            stage(StageKernel::MadTukey { lowest: tau1, highest: tau2 }, true, HRE_ITERATIONS[1]),
+            stage(StageKernel::Inliers { tau: tau1 }, true, HRE_ITERATIONS[2]),
         ],
         Refinement::Default => {
-            let wide = StageKernel::FixedTukey { c: 5.0 * threshold };
-            let polish =
-                Stage { kernel: StageKernel::NoiseTukey, joint: true, bbox: true, max_iterations: 25, tolerance: 1e-5 };
-            [
-                Some(Stage { kernel: wide, joint: false, bbox: false, max_iterations: 6, tolerance: 1e-2 }),
-                Some(polish),
-                None,
-            ]
+            let wide = Stage {
+                kernel: StageKernel::FixedTukey { c: WIDE_SCALE * threshold },
+                joint: false,
+                bbox: false,
+                max_iterations: WIDE_ITERATIONS,
+                tolerance: WIDE_TOLERANCE,
+            };
+            let polish = Stage {
+                kernel: StageKernel::NoiseTukey,
+                joint: true,
+                bbox: true,
+                max_iterations: POLISH_ITERATIONS,
+                tolerance: POLISH_TOLERANCE,
+            };
+            [Some(wide), Some(polish), None]
         }
     }
 }
 
-/// Runs a schedule from a pose; the blocks hold the shape of the returned state afterwards. It ends after
-/// the first stage that leaves a pose and cost of which `is_worth_it` says no.
+/// Runs a schedule from a pose. It ends after the first stage that leaves a pose and cost of which `is_worth_it` says
+/// no.
 pub(crate) fn refine(
     objective: &mut Objective,
     scratch: &mut [f64],
@@ -134,7 +147,6 @@ pub(crate) fn refine(
 ) -> (State, [StageStatistics; MAX_STAGES]) {
     let mut state = State { pose: *start, coefficients: [0.0; MAX_MODES] };
     let mut statistics = [StageStatistics::default(); MAX_STAGES];
-    objective.set_shape(&state.coefficients);
     let stages = schedule.iter().flatten().count();
     for (k, (stage, statistics)) in schedule.iter().flatten().zip(&mut statistics).enumerate() {
         let (cost, iterations) = run_stage(objective, scratch, &mut state, stage);
@@ -148,13 +160,13 @@ pub(crate) fn refine(
 
 fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, stage: &Stage) -> (f64, usize) {
     match stage.kernel {
-        StageKernel::Inliers { tau } => objective.activate_within(&state.pose, tau),
-        _ => objective.activate_all(),
+        StageKernel::Inliers { tau } => objective.keypoints.activate_within(state, tau),
+        _ => objective.keypoints.activate_all(),
     }
     objective.priors.use_bbox = stage.bbox;
     let mut noise_scale = f64::NAN;
     if let StageKernel::NoiseTukey = stage.kernel {
-        let noise = objective.estimate_noise(&state.pose);
+        let noise = objective.estimate_noise(state);
         objective.priors.noise_sigma = noise.sigma;
         noise_scale = objective.noise.tukey_scale(noise);
     }
@@ -163,11 +175,11 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
         StageKernel::FixedTukey { c } => Kernel::Tukey { c2: square(c) },
         StageKernel::NoiseTukey => Kernel::Tukey { c2: square(noise_scale) },
         StageKernel::MadTukey { lowest, highest } => {
-            let scale = mad_scale(objective, &state.pose, scratch).clamp(lowest, highest);
+            let scale = mad_scale(&mut objective.keypoints, state, scratch).clamp(lowest, highest);
             Kernel::Tukey { c2: square(TUKEY_EFFICIENCY * scale) }
         }
     };
-    let modes = if stage.joint { objective.model.eigenvalues().len() } else { 0 };
+    let modes = if stage.joint { objective.keypoints.model.eigenvalues().len() } else { 0 };
     let (n, tolerance) = (stage.max_iterations, stage.tolerance);
     match padded_modes(modes) {
         0 => objective.minimise::<6>(state, n, tolerance, kernel_at),
@@ -177,11 +189,11 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
 }
 
 /// `median(|r - median(r)|) / 0.6745` over the visible keypoints (paper, below eq. 10).
-fn mad_scale(objective: &mut Objective, pose: &Pose, scratch: &mut [f64]) -> f64 {
-    let residuals = &mut scratch[..objective.visible.len()];
-    objective.measure(pose);
-    for (r, (r2, _)) in residuals.iter_mut().zip(objective.measured()) {
-        *r = sqrt(r2);
+fn mad_scale(keypoints: &mut Keypoints, state: &State, scratch: &mut [f64]) -> f64 {
+    let residuals = &mut scratch[..keypoints.visible.len()];
+    let measured = keypoints.measure(state);
+    for (k, r) in residuals.iter_mut().enumerate() {
+        *r = sqrt(measured.squared(k));
     }
     let centre = median(residuals);
     for r in residuals.iter_mut() {

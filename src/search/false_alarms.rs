@@ -1,24 +1,32 @@
 //! Whether so much agreement could be chance: a pose that chance explains as well is not an answer.
+//!
+//! By chance a keypoint is uniform in the area $`A`$; at a pose it is an inlier with probability $`p_i`$ and noise
+//! $`\sigma`$, or else by chance. $`T`$ tests of hypotheses, over which the keypoints $`i`$ that did not make the pose
+//! give evidence by their residuals $`r_i`$, find
+//!
+//! ```math
+//! \text{NFA} = \frac{T}{\sum_k w_k E(\sigma_k)}, \qquad
+//! E(\sigma) = \prod_i \Bigl( 1 - p_i + p_i \frac{A}{2 \pi \sigma^2} \, b\bigl( r_i^2 / (2 \sigma^2) \bigr) \Bigr)
+//! ```
+//!
+//! poses as good as this one; $`b(x)`$ falls as $`e^{-x}`$ with heavier tails.
 
 use crate::geometry::math::{exp, log, square};
 use crate::search::noise::{NoiseModel, bell_inverse_lanes, inlier_probability_lanes};
-use crate::simd::blocks::Block;
 use crate::simd::dispatch::{HotLoop, VectorUnit};
 use crate::simd::lanes::{Lanes, Unit, Vector};
+use crate::simd::projection::Measured;
+use crate::tuning::{BELIEF_IN_SCORES, TESTED_NOISE};
 
-/// Noise, in guesses of it, at which a pose is tested, and its share of the test: fixed, so that chance cannot choose it.
-const TESTED_NOISE: [(f64, f64); 3] = [(0.7, 0.15), (1.4, 0.6), (2.8, 0.25)];
 /// Largest sample of a minimal solver.
 const MOST_FITTED: usize = 3;
-/// Share of the test that goes to believing the scores as they are; the rest to finding the share of inliers.
-const SHARE_OF_SCORES: f64 = 0.9;
 
 /// What a search found, to be tested against chance.
 pub(crate) struct Consensus<'a> {
     pub(crate) unit: VectorUnit,
     pub(crate) model: &'a NoiseModel,
-    /// Share of inliers found at the pose.
-    pub(crate) share: f64,
+    /// Fraction of inliers found at the pose.
+    pub(crate) inlier_fraction: f64,
     pub(crate) keypoints: usize,
     /// Sum of the weights, when they come from scores.
     pub(crate) score_sum: Option<f64>,
@@ -32,18 +40,18 @@ impl Consensus<'_> {
     /// Log10 of the number of poses as good as this one to expect among random keypoints.
     ///
     /// Scores say beforehand which keypoints to believe, and so which hypotheses count: then the drawn keypoints alone
-    /// were fitted to. Without scores, or where they promise too much, the share of inliers is found from the
+    /// were fitted to. Without scores, or where they promise too much, the fraction of inliers is found from the
     /// residuals (one of as many as there are keypoints), and two keypoints do not count: those drawn, or the one drawn
     /// and one more that the pose chose by its agreement.
-    pub(crate) fn log10_nfa(&self, blocks: &[Block]) -> f64 {
+    pub(crate) fn log10_nfa(&self, points: Measured) -> f64 {
         let (n, searched) = (self.keypoints as f64, self.hypotheses as f64);
-        let found = |tests: f64| self.log10_false_alarms(self.share, 2, tests, blocks);
+        let found = |tests: f64| self.log10_false_alarms(self.inlier_fraction, 2, tests, points);
         match self.score_sum {
             None => found(searched * n),
             Some(sum) => {
-                let tests = searched * sum / n / SHARE_OF_SCORES;
-                let believed = self.log10_false_alarms(1.0, self.sample, tests, blocks);
-                believed.min(found(searched * n / (1.0 - SHARE_OF_SCORES)))
+                let tests = searched * sum / n / BELIEF_IN_SCORES;
+                let believed = self.log10_false_alarms(1.0, self.sample, tests, points);
+                believed.min(found(searched * n / (1.0 - BELIEF_IN_SCORES)))
             }
         }
     }
@@ -53,11 +61,12 @@ impl Consensus<'_> {
     ///
     /// The likelihood ratio of the mixture against chance has expectation one under chance, and so has the mean over
     /// several noises; by Markov's inequality it exceeds `x` with probability at most `1 / x`.
-    fn log10_false_alarms(&self, share: f64, fitted: usize, tests: f64, blocks: &[Block]) -> f64 {
+    fn log10_false_alarms(&self, inlier_fraction: f64, fitted: usize, tests: f64, points: Measured) -> f64 {
         let mut evidence = [(0.0, 0.0); TESTED_NOISE.len()];
         for (entry, (noise, weight)) in evidence.iter_mut().zip(TESTED_NOISE) {
             let sigma = noise * self.model.guess;
-            *entry = (weight, self.unit.run(Evidence { sigma, area: self.model.area, share, fitted, blocks }));
+            *entry =
+                (weight, self.unit.run(Evidence { sigma, area: self.model.area, inlier_fraction, fitted, points }));
         }
         let most = evidence.iter().map(|e| e.1).fold(f64::NEG_INFINITY, f64::max);
         let mean: f64 = evidence.iter().map(|(weight, e)| weight * exp(e - most)).sum();
@@ -70,10 +79,9 @@ impl Consensus<'_> {
 struct Evidence<'a> {
     sigma: f64,
     area: f64,
-    share: f64,
+    inlier_fraction: f64,
     fitted: usize,
-    /// With squared residuals.
-    blocks: &'a [Block],
+    points: Measured<'a>,
 }
 
 /// Blocks whose ratios are multiplied before a look at the size of the product.
@@ -90,12 +98,12 @@ impl HotLoop for Evidence<'_> {
         let mut product = Product { sum: 0.0, product: 1.0 };
         // The largest ratios of every lane, in falling order.
         let (mut first, mut second, mut third) = (one, one, one);
-        for blocks in self.blocks.chunks(BLOCKS_PER_LOOK) {
+        for group in self.points.groups(BLOCKS_PER_LOOK) {
             let mut lanes = one;
-            for block in blocks {
-                let weight = unit.load(block.weight);
-                let p = inlier_probability_lanes(unit, self.share, weight);
-                let bell = bell_inverse_lanes(unit, unit.load(block.r2) * half_precision);
+            for (r2, weight) in group.each() {
+                let weight = unit.load(weight);
+                let p = inlier_probability_lanes(unit, self.inlier_fraction, weight);
+                let bell = bell_inverse_lanes(unit, unit.load(r2) * half_precision);
                 // An empty lane says nothing.
                 let ratio = (one - p + p * peak / bell).where_positive(weight, one);
                 lanes = lanes * ratio;

@@ -1,9 +1,13 @@
 //! How noisy the keypoints are, from the residuals of a pose.
 
 use crate::geometry::math::{log, sqrt, square};
-use crate::simd::blocks::Block;
 use crate::simd::dispatch::{HotLoop, VectorUnit};
 use crate::simd::lanes::{Unit, Vector};
+use crate::simd::projection::Measured;
+use crate::tuning::{
+    INLIER_FRACTIONS, NOISE_FEWEST, NOISE_FITTED, NOISE_GUESS_WEIGHT, NOISE_LIMITS, NOISE_ROUNDS, NOISE_START_FRACTION,
+    TUKEY_LIMITS, TUKEY_PER_EVEN,
+};
 
 /// Two-dimensional residuals as a mixture: Gaussian inliers of unknown variance, and outliers uniform in an area.
 #[derive(Clone, Copy, Debug)]
@@ -18,24 +22,8 @@ pub(crate) struct NoiseModel {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Noise {
     pub(crate) sigma: f64,
-    pub(crate) share: f64,
+    pub(crate) inlier_fraction: f64,
 }
-
-/// Keypoints' worth of the guess.
-const GUESS_WEIGHT: f64 = 3.0;
-/// Smallest and largest noise, in guesses.
-const BOUNDS: [f64; 2] = [0.04, 4.0];
-/// Keypoints' worth of freedom that the pose was fitted with.
-const FITTED: f64 = 2.0;
-/// Rounds of expectation and maximisation; the estimate has two digits after that.
-const ROUNDS: usize = 5;
-/// Tukey's `c` in units of the residual at which inlier and outlier are as likely: the weight there is 0.24, the best
-/// compromise between few outliers (wider is better) and many (narrower).
-const TUKEY_PER_EVEN: f64 = 1.4;
-/// Narrowest and widest Tukey scale, in standard deviations of the noise.
-const SCALES: [f64; 2] = [3.5, 9.0];
-/// The share of inliers stays away from certainty.
-const SHARES: [f64; 2] = [0.02, 0.98];
 
 /// Sums over keypoints, each counted with the probability that it is an inlier.
 struct Expected {
@@ -60,36 +48,39 @@ pub(crate) fn bell_inverse_lanes<U: Unit>(unit: U, x: U::Vector) -> U::Vector {
 
 /// [`inlier_probability`] of many keypoints.
 #[inline(always)]
-pub(crate) fn inlier_probability_lanes<U: Unit>(unit: U, share: f64, weight: U::Vector) -> U::Vector {
-    (weight * share).max(unit.splat(SHARES[0])).min(unit.splat(SHARES[1]))
+pub(crate) fn inlier_probability_lanes<U: Unit>(unit: U, inlier_fraction: f64, weight: U::Vector) -> U::Vector {
+    (weight * inlier_fraction).max(unit.splat(INLIER_FRACTIONS[0])).min(unit.splat(INLIER_FRACTIONS[1]))
 }
 
 /// Probability that a keypoint is an inlier, before it is looked at: in proportion to its weight.
-fn inlier_probability(share: f64, weight: f64) -> f64 {
-    (share * weight).clamp(SHARES[0], SHARES[1])
+fn inlier_probability(inlier_fraction: f64, weight: f64) -> f64 {
+    (inlier_fraction * weight).clamp(INLIER_FRACTIONS[0], INLIER_FRACTIONS[1])
 }
 
 impl NoiseModel {
-    /// Noise by expectation maximisation over the squared residuals of the blocks.
-    pub(crate) fn estimate(&self, unit: VectorUnit, blocks: &[Block]) -> Noise {
-        let [lowest, highest] = BOUNDS.map(|b| square(b * self.guess));
-        let mut noise = Noise { sigma: self.guess, share: 0.5 };
-        for _ in 0..ROUNDS {
-            let sums = unit.run(Expectation { model: self, noise, blocks });
+    /// Noise by expectation maximisation over the squared residuals of points.
+    pub(crate) fn estimate(&self, unit: VectorUnit, points: Measured) -> Noise {
+        let [lowest, highest] = NOISE_LIMITS.map(|b| square(b * self.guess));
+        let mut noise = Noise { sigma: self.guess, inlier_fraction: NOISE_START_FRACTION };
+        for _ in 0..NOISE_ROUNDS {
+            let sums = unit.run(Expectation { model: self, noise, points });
             let scale = sums.inliers / sums.inlier_weights.max(f64::MIN_POSITIVE);
-            let squares = 0.5 * sums.squares * scale + GUESS_WEIGHT * square(self.guess);
-            let free = (sums.inliers - FITTED).max(0.5) + GUESS_WEIGHT;
-            noise = Noise { sigma: sqrt((squares / free).clamp(lowest, highest)), share: sums.inliers / sums.weights };
+            let squares = 0.5 * sums.squares * scale + NOISE_GUESS_WEIGHT * square(self.guess);
+            let free = (sums.inliers - NOISE_FITTED).max(NOISE_FEWEST) + NOISE_GUESS_WEIGHT;
+            noise = Noise {
+                sigma: sqrt((squares / free).clamp(lowest, highest)),
+                inlier_fraction: sums.inliers / sums.weights,
+            };
         }
         noise
     }
 
     /// Tukey's `c` for a mixture: it follows the residual at which a keypoint is as likely an inlier as an outlier.
     pub(crate) fn tukey_scale(&self, noise: Noise) -> f64 {
-        let share = inlier_probability(noise.share, 1.0);
+        let inlier_fraction = inlier_probability(noise.inlier_fraction, 1.0);
         let peak = self.area / (2.0 * core::f64::consts::PI * square(noise.sigma));
-        let even = 2.0 * log((share / (1.0 - share) * peak).max(1.0));
-        noise.sigma * (TUKEY_PER_EVEN * sqrt(even)).clamp(SCALES[0], SCALES[1])
+        let even = 2.0 * log((inlier_fraction / (1.0 - inlier_fraction) * peak).max(1.0));
+        noise.sigma * (TUKEY_PER_EVEN * sqrt(even)).clamp(TUKEY_LIMITS[0], TUKEY_LIMITS[1])
     }
 }
 
@@ -97,7 +88,7 @@ impl NoiseModel {
 struct Expectation<'a> {
     model: &'a NoiseModel,
     noise: Noise,
-    blocks: &'a [Block],
+    points: Measured<'a>,
 }
 
 impl HotLoop for Expectation<'_> {
@@ -109,9 +100,9 @@ impl HotLoop for Expectation<'_> {
         let (half_precision, flatness) = (0.5 / variance, 2.0 * core::f64::consts::PI * variance / self.model.area);
         let (zero, one) = (unit.zero(), unit.splat(1.0));
         let (mut inliers, mut inlier_weights, mut squares, mut weights) = (zero, zero, zero, zero);
-        for block in self.blocks {
-            let (r2, weight) = (unit.load(block.r2), unit.load(block.weight));
-            let prior = inlier_probability_lanes(unit, self.noise.share, weight);
+        for (r2, weight) in self.points.each() {
+            let (r2, weight) = (unit.load(r2), unit.load(weight));
+            let prior = inlier_probability_lanes(unit, self.noise.inlier_fraction, weight);
             // p(inlier | r) by Bayes' rule; an infinite residual (behind the camera) has none
             let odds = (one - prior) * (bell_inverse_lanes(unit, r2 * half_precision) * flatness);
             let p = (prior / (prior + odds)).where_positive(weight, zero);

@@ -1,4 +1,13 @@
 //! The search: draw, solve, score, stop (paper, Alg. A.1).
+//!
+//! It stops once a sample of inliers alone was drawn with the wanted confidence. Of $`n`$ keypoints let $`I`$ be inliers
+//! of the best hypothesis. Draws of one keypoint are without replacement, and samples of $`s`$ keypoints independent of
+//! each other: after $`m`$ of them
+//!
+//! ```math
+//! \text{confidence}_1 = 1 - \prod_{j=0}^{m-1} \frac{n - I - j}{n - j}, \qquad
+//! \text{confidence}_s = 1 - \Bigl( 1 - \prod_{j=0}^{s-1} \frac{I - j}{n - j} \Bigr)^m .
+//! ```
 
 use crate::geometry::camera::Camera;
 use crate::geometry::math::pow;
@@ -6,13 +15,13 @@ use crate::geometry::pose::Pose;
 use crate::minimal::MinimalSolver;
 use crate::search::sampler::Stream;
 use crate::search::score::{Scoring, cost, inlier_count};
-use crate::simd::blocks::{Block, Projection};
+use crate::simd::blocks::Block;
 use crate::simd::dispatch::VectorUnit;
+use crate::simd::projection::Projection;
+use crate::tuning::OTHER_WAY;
 
 /// Hypotheses kept for refinement.
 pub(crate) const MAX_CANDIDATES: usize = 4;
-/// Two hypotheses whose forward axes are closer than this (cosine of 30 degrees) are one.
-const SAME_DIRECTION: f64 = 0.866;
 
 /// Why the search ended.
 ///
@@ -95,7 +104,7 @@ impl Candidates {
 
     /// Whether it became the best.
     fn offer(&mut self, candidate: Candidate) -> bool {
-        let same = |c: &Option<Candidate>| c.is_some_and(|c| c.pose.forward_cosine(&candidate.pose) > SAME_DIRECTION);
+        let same = |c: &Option<Candidate>| c.is_some_and(|c| c.pose.forward_cosine(&candidate.pose) > OTHER_WAY);
         let slot = match self.items[..self.wanted].iter().position(same) {
             Some(k) if self.items[k].is_some_and(|c| c.cost <= candidate.cost) => return false,
             Some(k) => k,
@@ -130,8 +139,7 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// One-point draws without replacement in the given order, and the exact finite stop rule: after `m` draws
-    /// from `n` points with `I` inliers no inlier was drawn with probability `prod_{j<m} (n - I - j) / (n - j)`.
+    /// One-point draws without replacement in the given order, and the exact finite stop rule.
     pub(crate) fn one_point(
         &self,
         solver: &impl MinimalSolver<1>,

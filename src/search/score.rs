@@ -1,8 +1,9 @@
 //! Scores of hypotheses: the loop over hypotheses x points, left as soon as a hypothesis cannot win.
 
-use crate::simd::blocks::{Block, Projection};
+use crate::simd::blocks::Block;
 use crate::simd::dispatch::{HotLoop, VectorUnit};
 use crate::simd::lanes::{Unit, Vector};
+use crate::simd::projection::{Measured, Projection};
 
 /// How a hypothesis is scored. Lower is better; both are at most the sum of the weights.
 ///
@@ -106,6 +107,30 @@ fn accumulate<U: Unit>(
         }
     }
     total.sum()
+}
+
+/// [`Scoring::Msac`] of points that are measured already.
+pub(crate) fn truncated(unit: VectorUnit, points: Measured, tau2: f64) -> f64 {
+    unit.run(TruncatedMeasured { points, tau2 })
+}
+
+struct TruncatedMeasured<'a> {
+    points: Measured<'a>,
+    tau2: f64,
+}
+
+impl HotLoop for TruncatedMeasured<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) -> f64 {
+        let (limit, inverse) = (unit.splat(self.tau2), 1.0 / self.tau2);
+        let mut total = unit.zero();
+        for (r2, weight) in self.points.each() {
+            total += unit.load(weight) * (unit.load(r2).min(limit) * inverse);
+        }
+        total.sum()
+    }
 }
 
 /// Number of points within the threshold.

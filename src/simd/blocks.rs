@@ -1,11 +1,6 @@
-//! Reprojection residuals and their Jacobian, over points laid out for vector units.
+//! Keypoints laid out for vector units.
 
-use nalgebra::{Matrix3, Vector3};
-
-use crate::geometry::camera::Camera;
-use crate::geometry::pose::Pose;
-use crate::simd::dispatch::HotLoop;
-use crate::simd::lanes::{Lanes, Unit, Vector};
+use crate::simd::lanes::Lanes;
 
 /// Four points of one object, side by side. Lanes beyond the last point have weight zero.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,8 +16,8 @@ pub struct Block {
     pub(crate) weight: Lanes,
     /// Weight in the current stage: `weight`, or zero for a point left out.
     pub(crate) active: Lanes,
-    /// Squared residual at the pose measured last, pixels squared.
-    pub(crate) r2: Lanes,
+    /// Squared residual, pixels squared: read through `projection::Measured` alone.
+    pub(super) r2: Lanes,
 }
 
 impl Block {
@@ -31,86 +26,4 @@ impl Block {
         let zero = Lanes::splat(0.0);
         Self { u: zero, v: zero, x: zero, y: zero, z: zero, weight: zero, active: zero, r2: zero }
     };
-}
-
-/// `diag(fx, fy, 1) (R X + t)`: homogeneous pixels relative to the principal point.
-#[derive(Clone, Copy)]
-pub(crate) struct Projection {
-    r: [[f64; 3]; 3],
-    t: [f64; 3],
-}
-
-impl Projection {
-    #[inline]
-    pub(crate) fn new(camera: &Camera, pose: &Pose) -> Self {
-        let scale = [camera.fx, camera.fy, 1.0];
-        let row = |i: usize| [pose.r[(i, 0)] * scale[i], pose.r[(i, 1)] * scale[i], pose.r[(i, 2)] * scale[i]];
-        Self { r: [row(0), row(1), row(2)], t: [pose.t.x * scale[0], pose.t.y * scale[1], pose.t.z] }
-    }
-
-    /// Squared reprojection errors of a block, pixels squared; infinite behind the camera.
-    #[inline(always)]
-    pub(crate) fn squared_residuals<U: Unit>(&self, unit: U, b: &Block) -> U::Vector {
-        let depth = self.row(unit, b, 2);
-        let inverse = unit.splat(1.0) / depth;
-        let du = self.row(unit, b, 0) * inverse - unit.load(b.u);
-        let dv = self.row(unit, b, 1) * inverse - unit.load(b.v);
-        (du * du + dv * dv).where_positive(depth, unit.splat(f64::INFINITY))
-    }
-
-    /// One coordinate of the homogeneous pixels.
-    #[inline(always)]
-    fn row<U: Unit>(&self, unit: U, b: &Block, i: usize) -> U::Vector {
-        let [rx, ry, rz] = self.r[i];
-        unit.load(b.x) * rx + unit.load(b.y) * ry + unit.load(b.z) * rz + unit.splat(self.t[i])
-    }
-}
-
-/// Writes the squared residuals of a projection into the blocks.
-pub(crate) struct Measure<'a> {
-    pub(crate) blocks: &'a mut [Block],
-    pub(crate) projection: &'a Projection,
-}
-
-impl HotLoop for Measure<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<U: Unit>(self, unit: U) {
-        for block in self.blocks {
-            block.r2 = self.projection.squared_residuals(unit, block).lanes();
-        }
-    }
-}
-
-/// Jacobian of one point's residual: rows `u` and `v`, by a rotation vector on the left and a translation.
-pub(crate) struct PointJacobian {
-    /// `d residual / d (rotation, translation)`.
-    pub(crate) pose: [[f64; 6]; 2],
-    /// `d residual / d X_object`.
-    pub(crate) point: [[f64; 3]; 2],
-}
-
-/// Jacobian of one model point's residual; `None` behind the camera.
-#[inline]
-pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3]) -> Option<PointJacobian> {
-    let rotated: Vector3<f64> = pose.r * Vector3::from(model);
-    let p = rotated + pose.t;
-    if p.z <= 0.0 {
-        return None;
-    }
-    let inverse = 1.0 / p.z;
-    let (u, v) = (camera.fx * p.x * inverse, camera.fy * p.y * inverse);
-    // Gradients of u and v by the point in the camera frame.
-    let gradients =
-        [Vector3::new(camera.fx * inverse, 0.0, -u * inverse), Vector3::new(0.0, camera.fy * inverse, -v * inverse)];
-    let row = |g: &Vector3<f64>| {
-        let w = rotated.cross(g);
-        [w.x, w.y, w.z, g.x, g.y, g.z]
-    };
-    let to_object = |g: &Vector3<f64>, r: &Matrix3<f64>| -> [f64; 3] { r.tr_mul(g).into() };
-    Some(PointJacobian {
-        pose: [row(&gradients[0]), row(&gradients[1])],
-        point: [to_object(&gradients[0], &pose.r), to_object(&gradients[1], &pose.r)],
-    })
 }

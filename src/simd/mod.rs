@@ -5,3 +5,4 @@ mod avx;
 pub(crate) mod blocks;
 pub(crate) mod dispatch;
 pub(crate) mod lanes;
+pub(crate) mod projection;

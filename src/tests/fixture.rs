@@ -3,6 +3,7 @@
 use crate::geometry::view::View;
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
 use crate::refine::kernels::Kernel;
+use crate::refine::keypoints::Keypoints;
 use crate::refine::normal::{Normal, State};
 use crate::refine::objective::Objective;
 use crate::refine::priors::Priors;
@@ -42,29 +43,23 @@ impl Fixture {
         let mut blocks = vec![Block::EMPTY; visible.len().div_ceil(LANES)];
         for (k, &i) in visible.iter().enumerate() {
             let (i, block, lane) = (i as usize, &mut blocks[k / LANES], k % LANES);
-            (block.u.0[lane], block.v.0[lane]) =
-                (keypoints_2d[i][0] - view.camera.cx, keypoints_2d[i][1] - view.camera.cy);
+            (block.u.0[lane], block.v.0[lane]) = view.camera.centred(keypoints_2d[i]).into();
             (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = model.keypoint(i, &[0.0; MAX_MODES]).into();
             (block.weight.0[lane], block.active.0[lane]) = (weight(i), weight(i));
         }
         Self { view, visible, blocks, priors: NO_PRIORS }
     }
 
+    /// Once: the blocks hold the mean shape.
     pub(super) fn objective<'a>(&'a mut self, model: &'a ShapeModel<'a>) -> Objective<'a> {
-        Objective {
-            unit: VectorUnit::detect(),
-            view: &self.view,
-            model,
-            visible: &self.visible,
-            blocks: &mut self.blocks,
-            priors: self.priors,
-            noise: NoiseModel { guess: 2.0, area: 1e4 },
-        }
+        let (unit, camera) = (VectorUnit::detect(), &self.view.camera);
+        let keypoints = Keypoints::of_mean_shape(unit, camera, model, &self.visible, &mut self.blocks);
+        Objective { view: &self.view, keypoints, priors: self.priors, noise: NoiseModel { guess: 2.0, area: 1e4 } }
     }
 }
 
 /// Normal equations at a state.
-pub(super) fn linearised<const D: usize>(objective: &Objective, state: &State, kernel: Kernel) -> Normal<D> {
+pub(super) fn linearised<const D: usize>(objective: &mut Objective, state: &State, kernel: Kernel) -> Normal<D> {
     let mut normal = Normal::ZERO;
     objective.linearise(state, kernel, &mut normal);
     normal

@@ -15,7 +15,7 @@ use crate::refine::normal::State;
 use crate::refine::objective::Objective;
 use crate::refine::schedule::{MAX_STAGES, Refinement, Schedule, Stage, StageKernel, refine, schedule};
 use crate::search::score;
-use crate::simd::blocks::Projection;
+use crate::simd::projection::Projection;
 
 /// Unknowns with the three modes of the reference's models, padded.
 const JOINT: usize = 11;
@@ -163,8 +163,8 @@ fn score_of_the_start() {
     for case in Case::all() {
         case.with_objective(false, |objective, _| {
             let projection = Projection::new(&case.view.camera, &case.start().pose);
-            let (unit, tau2) = (objective.unit, square(case.threshold));
-            let blocks = &*objective.blocks;
+            let (unit, tau2) = (objective.keypoints.unit, square(case.threshold));
+            let blocks = objective.keypoints.of_shape(&[0.0; MAX_MODES]);
             let cost = score::cost(unit, blocks, &projection, score::Scoring::Msac, tau2, f64::INFINITY);
             let expected = number(&case.value["msac_start"]);
             assert!((tau2 * cost - expected).abs() < 1e-9 * expected, "{} {expected}", tau2 * cost);
@@ -184,7 +184,6 @@ fn covariance_of_gauss_newton() {
         let variance = square(number(&result["noise_sigma"]));
         case.with_objective(true, |objective, _| {
             let found: Matrix6<f64> = if case.has_shape() {
-                objective.set_shape(&state.coefficients);
                 let h = linearised::<JOINT>(objective, &state, Kernel::LeastSquares).h;
                 let h = nalgebra::SMatrix::<f64, JOINT, JOINT>::from_fn(|i, j| h[i.min(j)][i.max(j)]);
                 (h.try_inverse().unwrap() * variance).fixed_view::<6, 6>(0, 0).into_owned()

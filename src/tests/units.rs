@@ -16,8 +16,8 @@ use crate::refine::normal::State;
 use crate::refine::priors::Priors;
 use crate::search::false_alarms::Consensus;
 use crate::search::score::{Scoring, cost, inlier_count};
-use crate::simd::blocks::Projection;
 use crate::simd::dispatch::VectorUnit;
+use crate::simd::projection::Projection;
 
 const POINTS: usize = 23;
 const MODES: usize = 3;
@@ -43,33 +43,34 @@ fn results(unit: VectorUnit, trial: u64) -> String {
     let tilt_sigma = 0.02;
     fixture.priors = Priors { noise_sigma: 3.0, tilt_sigma, shape: true, bbox, use_bbox: true, bbox_sigma: 30.0 };
     let mut objective = fixture.objective(&model);
-    objective.unit = unit;
+    objective.keypoints.unit = unit;
     let state = State { pose, coefficients: [0.2; MAX_MODES] };
-    objective.set_shape(&state.coefficients);
 
     let mut text = String::new();
-    for kernel in [Kernel::LeastSquares, Kernel::Tukey { c2: 400.0 }, Kernel::Student { s2: 100.0, dof: 8.0 }] {
-        let (pose, joint) = (linearised::<6>(&objective, &state, kernel), linearised::<11>(&objective, &state, kernel));
+    for kernel in Kernel::EXAMPLES.iter().map(|at| at(400.0)) {
+        let (pose, joint) =
+            (linearised::<6>(&mut objective, &state, kernel), linearised::<11>(&mut objective, &state, kernel));
         text += &format!("{:?} {:?} {:?}\n", pose.h, pose.gradient, pose.cost);
         text += &format!("{:?} {:?} {:?}\n", joint.h, joint.gradient, joint.cost);
         text += &format!("{:?}\n", objective.cost(&state, kernel));
     }
-    let noise = objective.estimate_noise(&pose);
+    let noise = objective.estimate_noise(&state);
     let consensus = Consensus {
         unit,
         model: &objective.noise,
-        share: noise.share,
+        inlier_fraction: noise.inlier_fraction,
         keypoints: POINTS,
         score_sum: Some(10.0),
         hypotheses: 30,
         sample: 1,
     };
-    text += &format!("{noise:?} {:?}\n", consensus.log10_nfa(objective.blocks));
+    text += &format!("{noise:?} {:?}\n", consensus.log10_nfa(objective.keypoints.measure(&state)));
     let projection = Projection::new(&view.camera, &pose);
+    let blocks = objective.keypoints.of_shape(&state.coefficients);
     for scoring in [Scoring::Msac, Scoring::Inliers] {
-        text += &format!("{:?}\n", cost(unit, objective.blocks, &projection, scoring, 100.0, f64::INFINITY));
+        text += &format!("{:?}\n", cost(unit, blocks, &projection, scoring, 100.0, f64::INFINITY));
     }
-    text += &format!("{}\n", inlier_count(unit, objective.blocks, &projection, 100.0));
+    text += &format!("{}\n", inlier_count(unit, blocks, &projection, 100.0));
 
     let observation = Observation::new(&pixels, &model).unwrap();
     let corner = |c: usize| core::array::from_fn(|axis| BBOX_3D[(c >> axis) & 1][axis]);

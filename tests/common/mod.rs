@@ -3,8 +3,8 @@
 
 use groundpose::synthetic::{Protocol, Scene, projected_bbox};
 use groundpose::{
-    Bbox, Camera, Estimate, Estimator, Footprint, GrowingWorkspace, InputError, NoPose, Observation, Options, Pose,
-    ShapeModel, Tilt, View, Workspace,
+    Bbox, Camera, Estimate, EstimateError, Estimator, Footprint, GrowingWorkspace, InputError, NoPose, Observation,
+    Options, Pose, ShapeModel, Tilt, View, Workspace,
 };
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -77,7 +77,7 @@ impl Case {
     pub fn estimate(&self, options: Options) -> Result<(Estimate, Vec<f64>), NoPose> {
         let mut workspace = GrowingWorkspace::new();
         let estimator = Estimator::new(options).unwrap();
-        let estimate = self.with_observation(|o| estimator.estimate(&self.view, o, &mut workspace))?;
+        let estimate = self.with_observation(|o| estimator.estimate(&self.view, o, &mut workspace)).map_err(reason)?;
         Ok((estimate, workspace.residuals().to_vec()))
     }
 
@@ -116,6 +116,15 @@ impl Case {
             (camera.fx * x / z + camera.cx - u).hypot(camera.fy * y / z + camera.cy - v)
         };
         self.ideal_keypoints().into_iter().zip(self.points_in_camera(pose, coefficients)).map(residual).collect()
+    }
+}
+
+/// Why there is no pose, where nobody made a mistake.
+#[track_caller]
+pub fn reason(error: EstimateError) -> NoPose {
+    match error {
+        EstimateError::NoPose(reason) => reason,
+        EstimateError::Input(mistake) => panic!("{mistake}"),
     }
 }
 

@@ -87,7 +87,7 @@ def kitti(*rows: tuple[str, np.ndarray]) -> str:
 
 
 def estimate(model: Path, *arguments: object, source: str = "street.png", boxes: str = "boxes.json"):
-    return run("estimate", source, "--boxes", boxes, "--model", model, *arguments)
+    return run("estimate", source, "--boxes", boxes, "--network", model, *arguments)
 
 
 def everything() -> set[str]:
@@ -280,7 +280,7 @@ MISTAKES = {
     "no boxes in it": ({"boxes": "camera.json"}, "camera.json: expected 2D boxes"),
     "no calibration": (
         {"calib": None},
-        "--calib: expected a file with the camera, which the boxes do not tell",
+        "--calib: expected a file with the camera, which the file of boxes does not have",
     ),
     "no such calibration": ({"calib": "none.txt"}, "none.txt: No such file"),
     "another file": ({"calib": "boxes.json"}, "boxes.json: expected a calibration"),

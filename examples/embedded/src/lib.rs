@@ -7,7 +7,8 @@ pub mod classes;
 pub mod frame;
 
 use groundpose::{
-    Bbox, Camera, Estimate, Estimator, InputError, NoPose, Observation, Options, ShapeModel, Tilt, View, Workspace,
+    Bbox, Camera, Estimate, EstimateError, Estimator, InputError, NoPose, Observation, Options, ShapeModel, Tilt, View,
+    Workspace,
 };
 
 use classes::Class;
@@ -60,8 +61,11 @@ pub fn estimate_frame(
         let observation = Observation::new(detection.keypoints_2d, &model)?
             .with_bbox(Bbox::new(detection.bbox)?)
             .with_scores(detection.scores)?;
-        let result = estimator.estimate_indexed(view, &observation, workspace, index as u64);
-        write(index, result.as_ref().map(VehiclePose::from).map_err(|&reason| reason));
+        match estimator.estimate_indexed(view, &observation, workspace, index as u64) {
+            Ok(estimate) => write(index, Ok(VehiclePose::from(&estimate))),
+            Err(EstimateError::NoPose(reason)) => write(index, Err(reason)),
+            Err(EstimateError::Input(mistake)) => return Err(mistake),
+        }
     }
     Ok(())
 }

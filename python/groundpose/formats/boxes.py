@@ -1,4 +1,4 @@
-"""2D boxes of images from files: which format a file has, told by its content, and the boxes it gives.
+"""2D boxes of images from files: the format is recognised by the content.
 
 A format is a row of `BOXES`: what it is called, how it is recognised, how it is read. Boxes are `left, top,
 right, bottom` pixels as the file has them; no half pixel is added or taken.
@@ -19,9 +19,10 @@ from groundpose.formats.fields import Field
 from groundpose.formats.frames import FRAME_MEMBERS, OBJECT_MEMBERS, read_truth, read_view
 from groundpose.formats.kitti.labels import DONT_CARE, KittiLabel, read_labels
 from groundpose.types import View
+from groundpose.vehicles.classes import CLASSES
 
 VEHICLES = frozenset(
-    ("vehicle", "car", "van", "bus", "minibus", "truck", "pickup", "suv", "van_bus", "box_truck", "trailer")
+    (*CLASSES, "vehicle", "car", "van", "bus", "minibus", "truck", "pickup", "suv", "trailer")
 )
 """Names of detectors' and labels' classes (in lower case) that are vehicles; a box without a name is one."""
 
@@ -53,7 +54,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Boxes:
-    """The boxes of one image, and its camera if the file tells it."""
+    """The boxes of one image, and its camera if the file has it."""
 
     boxes: tuple[Box, ...]
     view: View | None = None
@@ -209,7 +210,7 @@ def _coco_box(field: Field, names: Mapping[str | int, str], number: int) -> Box:
 
 
 def _is_frames(content: Content) -> bool:
-    """Our frames, one or one a line; of their objects only boxes, names, scores and truth count."""
+    """Our frames, one or one per line; of their objects only boxes, names, scores and truth count."""
     return bool(content.json) and _has(content.json[0], ("objects",))
 
 

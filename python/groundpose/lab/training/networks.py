@@ -17,7 +17,7 @@ from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices
 
 
 class Raw(NamedTuple):
-    """Output of a network before decoding: maps (N, 53, h, w) and class logits (N, 4)."""
+    """Output of a network before decoding: maps (N, K, h, w) and class logits (N, 4)."""
 
     maps: Tensor
     logits: Tensor
@@ -26,8 +26,8 @@ class Raw(NamedTuple):
 class Decoded(NamedTuple):
     """Decoded output of a network for N crops.
 
-    keypoints (N, 53, 2) crop pixels; spread (N, 53) crop pixels, the standard deviation of the map read as a
-    distribution; peak (N, 53) its largest cell, 0 to 1; kind_probabilities (N, 4).
+    keypoints (N, K, 2) crop pixels; spread (N, K) crop pixels, the standard deviation of the map read as a
+    distribution; peak (N, K) its largest cell, 0 to 1; kind_probabilities (N, 4).
     """
 
     keypoints: Tensor
@@ -218,8 +218,8 @@ class KeypointNetwork(nn.Module):
         return Decoded(torch.stack([x, y], dim=2), spread, peak, raw.logits.softmax(dim=1))
 
     def _place(self, weights: Tensor, cells: Tensor, peak: Tensor) -> tuple[Tensor, Tensor]:
-        """Along one axis the mean of the cells near the peak, and the variance of all, from weights (N, 53,
-        cells) and the index of the peak (N, 53)."""
+        """Along one axis the mean of the cells near the peak, and the variance of all, from weights (N, K,
+        cells) and the index of the peak (N, K)."""
         near = weights * ((cells - cells[peak][..., None]).abs() < self.config.reach * self.config.width)
         mean = (weights * cells).sum(dim=2)
         # about the mean: E[x^2] - E[x]^2 would cancel for small spreads

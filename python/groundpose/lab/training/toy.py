@@ -69,7 +69,7 @@ def toy_frame(
 
 @cache
 def _template() -> FloatArray:
-    """Places (53, 2) from -1 to 1, mirrored for partners."""
+    """Places (K, 2) from -1 to 1, mirrored for partners."""
     flip = flip_indices()
     places = np.zeros((len(KEYPOINTS), 2))
     rng = np.random.default_rng(53)
@@ -84,7 +84,7 @@ def _template() -> FloatArray:
 
 @cache
 def _colours() -> np.ndarray:
-    """Colours (53, 3), equal for partners."""
+    """Colours (K, 3), equal for partners."""
     flip = flip_indices()
     colours = np.random.default_rng(54).integers(0, 256, (len(KEYPOINTS), 3))
     return colours[np.minimum(np.arange(len(flip)), flip)]

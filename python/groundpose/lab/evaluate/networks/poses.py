@@ -53,7 +53,7 @@ def detected(
 
 
 def _own(vehicles: Vehicles, values: Array, fill: float) -> Array:
-    """The values (N, 53, ...) of each vehicle's own keypoints, (N, WIDTH, ...)."""
+    """The values (N, K, ...) of each vehicle's own keypoints, (N, WIDTH, ...)."""
     found = np.full((len(vehicles), WIDTH, *values.shape[2:]), fill)
     for row, kind, all_of_it in zip(found, vehicles.kinds, values, strict=True):
         own = keypoint_indices(kind)
