@@ -97,12 +97,12 @@ def estimate_poses(
         free = replace(options, tilt_sigma=math.inf, covariance=True)
         first = _core.estimate_batch(view._handle, *data, free._handle, workers)
         view, tilt_covariance = _frame_view(view, first, frame_tilt_sigma)
-    out = _core.estimate_batch(view._handle, *data, options._handle, workers)
-    ok = out["status"] == 0
+    out: dict[str, Any] = _core.estimate_batch(view._handle, *data, options._handle, workers)
+    out["ok"] = out["status"] == 0
     for name, words in _WORDS.items():
         out[name] = words[out[name]]
-    given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
-    return PoseBatch._of(given | out | {"tilt_covariance": tilt_covariance, "ok": ok})
+    out.update(view=view, keypoints_2d=keypoints, bboxes=boxes, models=each, tilt_covariance=tilt_covariance)
+    return PoseBatch._of(out)
 
 
 def _frame_view(view: View, first: dict[str, Any], sigma: float) -> tuple[View, FloatArray]:
@@ -114,9 +114,9 @@ def _frame_view(view: View, first: dict[str, Any], sigma: float) -> tuple[View, 
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:
-    """`keypoints_2d` as (N, P, 2), and the objects' own lengths if they came as a list."""
+    """A copy of `keypoints_2d` as (N, P, 2), and the objects' own lengths if they came as a list."""
     if not isinstance(value, (list, tuple)):
-        return shaped("keypoints_2d", value, ("N", "P", 2)), None
+        return shaped("keypoints_2d", value, ("N", "P", 2)).copy(), None
     if len(value) == 0:
         width = len(models.keypoints_3d) if isinstance(models, ShapeModel) else 0
         return np.empty((0, width, 2)), None
@@ -203,7 +203,7 @@ def _bboxes(value: Any, count: int) -> FloatArray:
         raise input_error(
             "bboxes", f"shape ({count}, 4), one box per object", f"shape {shape_text(boxes.shape)}"
         )
-    return boxes
+    return np.array(boxes)
 
 
 def _threads(threads: int | None) -> int:

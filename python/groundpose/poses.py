@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from groundpose._checks import FloatArray, type_error
 from groundpose.shape import ShapeModel
@@ -19,38 +19,100 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True, eq=False)
-class Pose:
-    """The answer for one object; the fields are those of `PoseBatch` without the leading N, cut to
-    the object's own P keypoints and M modes."""
+# What a number is: itself in a `Pose`, an array (N,) in a `PoseBatch`.
+Text = TypeVar("Text")
+Flag = TypeVar("Flag")
+Number = TypeVar("Number")
+Count = TypeVar("Count")
 
-    status: str
-    ok: bool
-    R: FloatArray
-    t: FloatArray
-    yaw: float
-    keypoints_2d: FloatArray
+
+def spec(*shape: int | str, written: bool = True) -> dict[str, Any]:
+    """Of a result field: its shape for one object, and whether `formats.records` writes it.
+
+    "P" and "M" are the numbers of an object's keypoints and modes. A batch is as wide as its largest model.
+    """
+    return {"shape": shape, "written": written}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ResultFields(Generic[Text, Flag, Number, Count]):
+    """What is known of an object: the fields of `Pose`, and with N in front of each shape of `PoseBatch`.
+
+    This is the one list of result fields: the solver's core gives an array of each name, and all else that
+    is done with every field follows from here.
+    """
+
+    status: Text = field(metadata=spec())
+    """"ok", or why there is no pose."""
+    ok: Flag = field(metadata=spec(written=False))
+    """Whether there is a pose."""
+    R: FloatArray = field(metadata=spec(3, 3))
+    """(3, 3) rotation of the pose `X_camera = R @ X_object + t`."""
+    t: FloatArray = field(metadata=spec(3))
+    """(3,) metres, translation of the pose."""
+    yaw: Number = field(metadata=spec())
+    """Radians about the ground's normal, 0 = facing away; KITTI's rotation_y + pi/2."""
+    keypoints_2d: FloatArray = field(metadata=spec("P", 2, written=False))
+    """(P, 2) pixels, a copy of what was given, NaN = not seen."""
+    inlier_count: Count = field(metadata=spec())
+    """Number of inliers."""
+    inlier_mask: NDArray[np.bool_] = field(metadata=spec("P"))
+    """(P,) which keypoints are inliers of the pose returned: `residuals <= inlier_threshold`."""
+    inlier_threshold: Number = field(metadata=spec())
+    """Pixels, the threshold used."""
+    residuals: FloatArray = field(metadata=spec("P"))
+    """(P,) undistorted pixels between keypoint and projection, NaN = not seen."""
+    reprojection_rmse: Number = field(metadata=spec())
+    """Pixels, root mean square of the inliers' residuals."""
+    noise_sigma: Number = field(metadata=spec())
+    """Pixels, estimated standard deviation of a coordinate of an inlier."""
+    score: Number = field(metadata=spec())
+    """Mean over the keypoints of `min(residual^2 / inlier_threshold^2, 1)`, weighed by their scores: 0 is
+    perfect, 1 explains nothing."""
+    log10_nfa: Number = field(metadata=spec())
+    """Log10 of the number of poses as good as this to expect among random keypoints (number of false alarms):
+    the lower, the less likely it is an accident."""
+    ambiguity: Number = field(metadata=spec())
+    """0 to 1, how well a clearly different pose (front and back exchanged, say) explains the keypoints,
+    compared with the pose returned."""
+    confidence: Number = field(metadata=spec())
+    """Probability of having drawn a good sample."""
+    covariance: FloatArray = field(metadata=spec(6, 6))
+    """(6, 6) of `[rotation vector (radians, perturbs R from the left), t (metres)]`."""
+    shape_coefficients: FloatArray = field(metadata=spec("M"))
+    """(M,) coefficients of the model's modes."""
+    shape_covariance: FloatArray = field(metadata=spec("M", "M"))
+    """(M, M) of the coefficients."""
+    solver: Text = field(metadata=spec())
+    """The minimal solver that found the pose."""
+    iterations: Count = field(metadata=spec())
+    """Samples drawn."""
+    hypotheses: Count = field(metadata=spec())
+    """Poses scored."""
+    stop_reason: Text = field(metadata=spec())
+    """Why the search stopped."""
+    stage_iterations: NDArray[np.int64] = field(metadata=spec(3, written=False))
+    """(3,) iterations of the refinement's stages."""
+    stage_costs: FloatArray = field(metadata=spec(3, written=False))
+    """(3,) final costs of the refinement's stages."""
+
+
+_SHAPES: dict[str, tuple[int | str, ...]] = {f.name: f.metadata["shape"] for f in fields(ResultFields)}
+WRITTEN = tuple(f.name for f in fields(ResultFields) if f.metadata["written"])
+"""Names of the result fields that `formats.records` writes, in order."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pose(ResultFields[str, bool, float, int]):
+    """The answer for one object: the fields of `ResultFields`, cut to its own P keypoints and M modes.
+
+    Attributes:
+        bbox: (4,) `left, top, right, bottom` pixels as given, NaN = not known.
+        model: its shape model.
+    """
+
     bbox: FloatArray
     model: ShapeModel
-    inlier_mask: NDArray[np.bool_]
-    residuals: FloatArray
-    reprojection_rmse: float
-    score: float
-    log10_nfa: float
-    inlier_count: int
-    inlier_threshold: float
-    noise_sigma: float
-    covariance: FloatArray
-    shape_coefficients: FloatArray
-    shape_covariance: FloatArray
-    confidence: float
-    ambiguity: float
-    iterations: int
-    hypotheses: int
-    stop_reason: str
-    solver: str
-    stage_iterations: NDArray[np.int64]
-    stage_costs: FloatArray
 
     @property
     def keypoints_3d(self) -> FloatArray:
@@ -58,76 +120,29 @@ class Pose:
         return self.model.keypoints(self.shape_coefficients)
 
 
-@dataclass(frozen=True, eq=False)
-class PoseBatch:
-    """The poses of the N objects of one image, in the order given.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, NDArray[np.int64]]):
+    """The poses of the N objects of one image, in the order given: the fields of `ResultFields` as arrays.
 
     An object without an answer has a status other than "ok", NaN numbers and no inliers. P is the
     largest number of keypoints of a model here, M that of modes; beyond an object's own there is
     NaN for keypoints (False in the mask) and 0 for modes.
 
     Attributes:
-        view: camera and tilt the poses belong to: as told, or as estimated from the whole frame.
-        tilt_covariance: (2, 2) radians^2 of the estimated pitch and roll; NaN when the tilt is as told.
-        keypoints_2d: (N, P, 2) pixels as given, NaN = not seen.
-        bboxes: (N, 4) `left, top, right, bottom` pixels as given, NaN = not known.
+        view: camera and tilt the poses belong to: nominal, or estimated from the whole frame.
+        tilt_covariance: (2, 2) radians^2 of the estimated pitch and roll; NaN when the tilt is nominal.
+        bboxes: (N, 4) `left, top, right, bottom` pixels, a copy of what was given, NaN = not known.
         models: N shape models.
-        status: (N,) str, "ok" or why there is no pose.
-        ok: (N,) bool.
-        R, t: (N, 3, 3) and (N, 3) metres, `X_camera = R @ X_object + t`.
-        yaw: (N,) radians about the ground's normal, 0 = facing away; KITTI's rotation_y + pi/2.
-        inlier_mask: (N, P) bool, `residuals <= inlier_threshold` of the pose returned.
-        residuals: (N, P) undistorted pixels between keypoint and projection, NaN = not seen.
-        reprojection_rmse: (N,) pixels, over the inliers.
-        score: (N,) mean over the keypoints of `min(residual^2 / inlier_threshold^2, 1)`, weighed by
-            their scores: 0 is perfect, 1 explains nothing.
-        log10_nfa: (N,) log10 of the number of poses as good as this to expect among random
-            keypoints (number of false alarms): the lower, the surer that it is no accident.
-        inlier_count: (N,) int. inlier_threshold: (N,) pixels, the one used.
-        noise_sigma: (N,) pixels, estimated standard deviation of a coordinate of an inlier.
-        covariance: (N, 6, 6) of `[rotation vector (radians, perturbs R from the left), t (metres)]`.
-        shape_coefficients: (N, M). shape_covariance: (N, M, M).
-        confidence: (N,) probability of having drawn a good sample.
-        ambiguity: (N,) 0 to 1, how well a clearly different pose (front and back exchanged, say)
-            explains the keypoints compared with the pose returned.
-        iterations, hypotheses: (N,) int, samples drawn and poses scored.
-        stop_reason, solver: (N,) str.
-        stage_iterations, stage_costs: (N, 3) of the refinement's stages.
     """
 
     view: View
     tilt_covariance: FloatArray
-    keypoints_2d: FloatArray
     bboxes: FloatArray
     models: tuple[ShapeModel, ...]
-    status: NDArray[np.str_]
-    ok: NDArray[np.bool_]
-    R: FloatArray
-    t: FloatArray
-    yaw: FloatArray
-    inlier_mask: NDArray[np.bool_]
-    residuals: FloatArray
-    reprojection_rmse: FloatArray
-    score: FloatArray
-    log10_nfa: FloatArray
-    inlier_count: NDArray[np.int64]
-    inlier_threshold: FloatArray
-    noise_sigma: FloatArray
-    covariance: FloatArray
-    shape_coefficients: FloatArray
-    shape_covariance: FloatArray
-    confidence: FloatArray
-    ambiguity: FloatArray
-    iterations: NDArray[np.int64]
-    hypotheses: NDArray[np.int64]
-    stop_reason: NDArray[np.str_]
-    solver: NDArray[np.str_]
-    stage_iterations: NDArray[np.int64]
-    stage_costs: FloatArray
 
     @classmethod
     def _of(cls, values: dict[str, Any]) -> PoseBatch:
-        """From all fields by name; at a sixth of the time that a frozen dataclass takes to set thirty."""
+        """From all fields by name, in a sixth of the time that a frozen dataclass takes to set thirty."""
         made = object.__new__(cls)
         vars(made).update(values)
         return made
@@ -153,19 +168,21 @@ class PoseBatch:
         if not -len(self) <= i < len(self):
             raise IndexError(f"index: expected {-len(self)} to {len(self) - 1}, got {i}")
         model = self.models[i]
-        return Pose(**{f.name: _one(self, f.name, i, model) for f in fields(Pose)})
+        sizes = {"P": len(model.keypoints_3d), "M": model.modes}
+        own = {name: _own(getattr(self, name)[i], shape, sizes) for name, shape in _SHAPES.items()}
+        return Pose(**own, bbox=self.bboxes[i], model=model)
 
     def keypoints_3d(self, index: int) -> FloatArray:
         """(P, 3) metres in the object frame of object `index`, its shape applied; NaN without an answer."""
         return self[index].keypoints_3d
 
-    def to_kitti(self, names: Sequence[str] | None = None, scores: object = None) -> str:
-        """Lines of KITTI's object result format, one an object (`groundpose.formats.kitti.results`).
+    def to_kitti(self, names: Sequence[str] | None = None, scores: ArrayLike | None = None) -> str:
+        """Lines of KITTI's object result format, one per object (`groundpose.formats.kitti.results`).
 
         Args:
             names: N class names; None: the models' names, "Car" for those without.
-            scores: (N,) detection scores, higher is better; None: share of the seen keypoints that
-                are inliers, 0 without an answer.
+            scores: (N,) detection scores, higher is better; None: fraction of the seen keypoints
+                that are inliers, 0 without an answer.
         """
         from groundpose.formats.kitti.results import format_results  # stands above this file
 
@@ -173,10 +190,10 @@ class PoseBatch:
 
     def draw(
         self,
-        image: object = None,
+        image: ArrayLike | None = None,
         path: str | PathLike[str] | None = None,
         *,
-        truth: tuple[object, ...] | None = None,
+        truth: tuple[ArrayLike, ...] | None = None,
         title: str = "",
     ) -> Figure:
         """Picture: overlay on the image at the left, bird's-eye view at the right.
@@ -192,17 +209,6 @@ class PoseBatch:
         return draw_poses(self, image, path, truth=truth, title=title)
 
 
-# How far a Pose's field is cut: to the model's keypoints or modes, along how many axes.
-_KEYPOINT_FIELDS = ("keypoints_2d", "inlier_mask", "residuals")
-_MODE_FIELDS = {"shape_coefficients": 1, "shape_covariance": 2}
-
-
-def _one(batch: PoseBatch, name: str, i: int, model: ShapeModel) -> Any:
-    if name == "model":
-        return model
-    value = getattr(batch, "bboxes" if name == "bbox" else name)[i]
-    if name in _KEYPOINT_FIELDS:
-        return value[: len(model.keypoints_3d)]
-    if name in _MODE_FIELDS:
-        return value[(slice(model.modes),) * _MODE_FIELDS[name]]
-    return value if isinstance(value, np.ndarray) else value.item()
+def _own(value: Any, shape: tuple[int | str, ...], sizes: dict[Any, int]) -> Any:
+    """One object's part of a row of a batch: a plain number or str, or an array without the padding."""
+    return value[tuple(slice(sizes.get(n)) for n in shape)] if shape else value.item()

@@ -1,15 +1,21 @@
 """The public Python API: what goes in, in every form, and what comes out."""
 
+import ast
 import copy
 import dataclasses
+import inspect
+import itertools
 import pickle
 import subprocess
 import sys
+import textwrap
 
 import groundpose as gp
 import numpy as np
 import pytest
 from conftest import ARRAYS, CAMERA, MODEL, VIEW, Batch, assert_same, make_batch, project, rotation_error_deg
+from groundpose._checks import shape_text
+from groundpose.poses import ResultFields
 
 
 def test_public_names_are_the_promised_ones():
@@ -47,6 +53,35 @@ def test_shapes_and_dtypes(batch, poses):
         array = getattr(poses, name)
         assert array.shape == shapes.get(name, (n,)), name
         assert array.dtype.kind == kinds.get(name, "f"), name
+
+
+def test_results_keep_their_own_copy_of_what_was_given(batch):
+    """What the caller does to an array later changes no result, and the other way round."""
+    given, boxes = batch.keypoints_2d.copy(), batch.bboxes.copy()
+    poses = gp.estimate_poses(batch.view, given, boxes, batch.models)
+    given[:], boxes[:] = 0.0, 0.0
+    np.testing.assert_array_equal(poses.keypoints_2d, batch.keypoints_2d)
+    np.testing.assert_array_equal(poses.bboxes, batch.bboxes)
+    poses.keypoints_2d[:], poses.bboxes[:] = 1.0, 1.0
+    assert not given.any()
+    assert not boxes.any()
+
+
+def test_a_result_field_is_what_its_row_of_the_table_says(batch, poses):
+    """Shapes in `ResultFields` are those of the arrays, of one object's, and of the docstrings."""
+    sizes = {"P": batch.keypoints_2d.shape[1], "M": MODEL.modes}
+    tree = ast.parse(textwrap.dedent(inspect.getsource(ResultFields)))
+    docs = dict(
+        (row.target.id, doc.value.value)
+        for row, doc in itertools.pairwise(tree.body[0].body)
+        if isinstance(row, ast.AnnAssign) and isinstance(doc, ast.Expr)
+    )
+    for field in dataclasses.fields(ResultFields):
+        shape = field.metadata["shape"]
+        own = tuple(sizes.get(n, n) for n in shape)
+        assert getattr(poses, field.name).shape == (len(poses), *own), field.name
+        assert np.shape(getattr(poses[0], field.name)) == own, field.name
+        assert docs[field.name].startswith(shape_text(shape)) == bool(shape), field.name
 
 
 def check_consistency(poses: gp.PoseBatch) -> None:

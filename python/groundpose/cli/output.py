@@ -110,9 +110,9 @@ class Output:
 
     def _kitti(self, frame: Frame, poses: PoseBatch) -> str:
         """With the detector's scores where all objects have one."""
-        scores = [o.score for o in frame.objects]
+        scores = [o.score for o in frame.objects if o.score is not None]
         types = [self.style.kitti_type(o) for o in frame.objects]
-        return poses.to_kitti(types, None if None in scores else scores)
+        return poses.to_kitti(types, scores if len(scores) == len(types) else None)
 
     @property
     def on_terminal(self) -> bool:

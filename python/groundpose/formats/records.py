@@ -10,16 +10,8 @@ from typing import Any
 import numpy as np
 
 from groundpose.formats.frames import Frame
-from groundpose.poses import PoseBatch
+from groundpose.poses import WRITTEN, PoseBatch
 from groundpose.types import View
-
-# What is written of a pose, in this order, after the object's id and model.
-_RECORD = (
-    *("status", "R", "t", "yaw", "inlier_count", "inlier_mask", "inlier_threshold", "residuals"),
-    *("reprojection_rmse", "noise_sigma", "score", "log10_nfa", "ambiguity", "confidence"),
-    *("covariance", "shape_coefficients", "shape_covariance"),
-    *("solver", "iterations", "hypotheses", "stop_reason"),
-)
 
 
 def pose_record(
@@ -38,7 +30,7 @@ def pose_record(
             "id": o.id,
             "model": o.model,
             **{name: _plain(value) for name, value in extra.items()},
-            **{name: _plain(getattr(pose, name)) for name in _RECORD},
+            **{name: _plain(getattr(pose, name)) for name in WRITTEN},
         }
         for o, pose, extra in zip(frame.objects, poses, each or [{}] * len(poses), strict=True)
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 
 import numpy as np
@@ -26,7 +26,7 @@ from groundpose.vehicles.shape_models import shape_model
 _ROWS = {kind: keypoint_indices(kind) for kind in KINDS}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class VehiclePoses(PoseBatch):
     """A `PoseBatch` of detected vehicles, and what the network said of them.
 
@@ -149,13 +149,12 @@ class Pipeline:
             frame_tilt_sigma=frame_tilt_sigma,
         )
         watch.lap("solve")
-        given = {f.name: getattr(poses, f.name) for f in fields(PoseBatch)}
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)
         for row, own in zip(scores, found.scores, strict=True):
             row[: len(own)] = own
         kinds = np.array(found.kinds, dtype=np.str_)
         return VehiclePoses(
-            **given,
+            **vars(poses),
             kinds=kinds,
             kind_probabilities=found.kind_probabilities,
             keypoint_scores=scores,
