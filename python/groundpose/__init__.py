@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 from groundpose._core import InputError, build_info
 from groundpose.estimate import estimate_poses
+from groundpose.options import Options
 from groundpose.poses import Pose, PoseBatch
 from groundpose.shape import ShapeModel
-from groundpose.types import Camera, Options, View
+from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
     from groundpose.keypoints.network import Network

@@ -21,9 +21,10 @@ from groundpose._checks import (
     shaped,
     type_error,
 )
+from groundpose.options import Options
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
-from groundpose.types import Options, View
+from groundpose.types import View
 
 # The core counts, people read.
 _WORDS = {

@@ -8,18 +8,27 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose import _core
 from groundpose._checks import FloatArray, finite, input_error, integer, number, shaped, text, type_error
-from groundpose.types import Value
+from groundpose._value import Value
 
 # Version of the .npz files; raised when a reader of the old version could not read the new one.
 FILE_VERSION = 1
 
-_ARRAYS = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues")
-_OPTIONAL = ("footprint", "bbox_basis")
+ARRAYS: dict[str, tuple[int | str, ...]] = {
+    "keypoints_3d": ("P", 3),
+    "bbox_3d": (2, 3),
+    "basis": ("M", "P", 3),
+    "eigenvalues": ("M",),
+    "footprint": ("C", 2),
+    "bbox_basis": ("M", 2, 3),
+}
+"""The arrays of a model and their shapes: what files of models hold, beside names."""
+_ALWAYS = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues")
 
-# Modes whose standard deviation is below this share of the model's size are rounding errors of equal models.
+# Modes whose standard deviation over the model's size is below this are rounding errors of equal models.
 _NO_DEVIATION = 1e-12
 
 
@@ -57,14 +66,14 @@ class ShapeModel(Value):
 
     def __init__(
         self,
-        keypoints_3d: object,
-        bbox_3d: object = None,
-        basis: object = None,
-        eigenvalues: object = None,
+        keypoints_3d: ArrayLike,
+        bbox_3d: ArrayLike | None = None,
+        basis: ArrayLike | None = None,
+        eigenvalues: ArrayLike | None = None,
         keypoint_names: Sequence[str] = (),
-        footprint: object = None,
+        footprint: ArrayLike | None = None,
         name: str = "",
-        bbox_basis: object = None,
+        bbox_basis: ArrayLike | None = None,
     ) -> None:
         """Check and copy the arrays."""
         mean = _checked("keypoints_3d", keypoints_3d, ("P", 3))
@@ -105,11 +114,11 @@ class ShapeModel(Value):
         width, height, length = (self.bbox_3d[1] - self.bbox_3d[0]).tolist()
         return length, height, width
 
-    def keypoints(self, shape_coefficients: object = ()) -> FloatArray:
+    def keypoints(self, shape_coefficients: ArrayLike = ()) -> FloatArray:
         """Keypoints (P, 3), metres, of the shape with coefficients (M,); without any, the mean."""
         return _deformed(self.keypoints_3d, self._coefficients(shape_coefficients), self.basis)
 
-    def bbox_3d_of(self, shape_coefficients: object = ()) -> FloatArray:
+    def bbox_3d_of(self, shape_coefficients: ArrayLike = ()) -> FloatArray:
         """3D box (2, 3), metres, of the shape with coefficients (M,); the mean's without `bbox_basis`."""
         coefficients = self._coefficients(shape_coefficients)
         if self.bbox_basis is None:
@@ -135,19 +144,19 @@ class ShapeModel(Value):
         middle[1] = high[1]
         return np.asarray(middle)
 
-    def _coefficients(self, given: object) -> FloatArray:
-        coefficients = given if np.size(given) else np.zeros(self.modes)  # type: ignore[arg-type]
+    def _coefficients(self, given: ArrayLike) -> FloatArray:
+        coefficients = given if np.size(given) else np.zeros(self.modes)
         return shaped("shape_coefficients", coefficients, (self.modes,))
 
     @classmethod
     def fit(
         cls,
-        models: object,
+        models: ArrayLike,
         modes: int = 5,
         *,
-        bbox_3d: object = None,
+        bbox_3d: ArrayLike | None = None,
         keypoint_names: Sequence[str] = (),
-        footprint: object = None,
+        footprint: ArrayLike | None = None,
         name: str = "",
     ) -> ShapeModel:
         """The mean and principal components of aligned models of one class.
@@ -214,9 +223,7 @@ class ShapeModel(Value):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the model to `path` (.npz, arrays and strings only)."""
-        arrays = {key: getattr(self, key) for key in _ARRAYS}
-        optional = {key: getattr(self, key) for key in _OPTIONAL}
-        arrays |= {key: array for key, array in optional.items() if array is not None}
+        arrays = {key: array for key in ARRAYS if (array := getattr(self, key)) is not None}
         names = np.array(self.keypoint_names, dtype=np.str_)
         with Path(path).open("wb") as file:  # np.savez would add a suffix to a bare path
             np.savez(file, version=FILE_VERSION, name=self.name, keypoint_names=names, **arrays)
@@ -238,12 +245,11 @@ class ShapeModel(Value):
         if version > FILE_VERSION:
             raise input_error(str(path), f"version {FILE_VERSION} or older", f"{version}; update groundpose")
         try:
-            mean, bbox, basis, variances = (content[key] for key in _ARRAYS)
+            arrays = {key: content[key] for key in ARRAYS if key in _ALWAYS or key in content}
             names, name = tuple(content["keypoint_names"].tolist()), str(content["name"])
         except KeyError as error:
             raise input_error(str(path), f"an array {error}", sorted(content)) from None
-        optional = {key: content.get(key) for key in _OPTIONAL}
-        return cls(mean, bbox, basis, variances, names, name=name, **optional)
+        return cls(**arrays, keypoint_names=names, name=name)
 
 
 def extent(points: FloatArray) -> FloatArray:

@@ -1,14 +1,11 @@
-"""Camera, tilt and options: what a caller says before the first object."""
+"""Camera and tilt: what a caller says before the first object."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
-from functools import cache
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from os import PathLike
-from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,36 +13,15 @@ from numpy.typing import ArrayLike
 from groundpose import _core
 from groundpose._checks import (
     FloatArray,
-    count,
-    describe,
     finite,
-    flag,
     input_error,
     integer,
     number,
     shaped,
-    text,
     type_error,
 )
+from groundpose._value import Value
 from groundpose.calibration import read_kitti_projection, read_opencv_yaml
-
-Solver = Literal["auto", "p1p", "p3p", "up2p", "p1p_height"]
-Cases = Literal["all", "paper"]
-Scoring = Literal["msac", "inliers"]
-Refinement = Literal["default", "hre", "re", "gn", "none"]
-
-
-class Value:
-    """Base of the frozen dataclasses here: copied and pickled by their fields."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Rebuild from the fields, because the checked Rust object inside cannot be pickled."""
-        return type(self), tuple(getattr(self, f.name) for f in fields(self) if f.init)  # type: ignore[arg-type]
-
-    def _set(self, **values: object) -> None:
-        """Store checked values while the object is being made."""
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True)
@@ -194,120 +170,6 @@ class View(Value):
     def project(self, points_camera: ArrayLike) -> FloatArray:
         """Undistorted pixels (N, 2) of points (N, 3) of the camera frame; NaN behind the camera."""
         return self._handle.project(shaped("points_camera", points_camera, ("N", 3)))
-
-
-@dataclass(frozen=True)
-class Options(Value):
-    """How poses are estimated. Every field is read; an unknown one is a TypeError.
-
-    Args:
-        inlier_threshold: pixels, one number or one per object; None: `relative_threshold` times
-            the longer side of the object's 2D box.
-        relative_threshold: inlier threshold as a fraction of the longer side of the 2D box,
-            unless `inlier_threshold` is given.
-        confidence: wanted probability of having drawn one good sample (the stop rule of RANSAC).
-        solver: of the search: "auto" (by what is known of the box; in the default refinement "up2p" has a
-            second try where the answer is doubtful), "p1p", "p3p", "up2p" or "p1p_height".
-        cases: pairs of footprint corners that the one-point solver tries: "all", or the four of the "paper".
-        scoring: "msac" (truncated squared error) or "inliers" (their number).
-        refinement: "default", "hre" (algorithm 1 of the paper), "re" (its robust stage alone),
-            "gn" (least squares on the inliers) or "none".
-        hre_thresholds: `(tau1, tau2, tau3)` of "hre" as multiples of the inlier threshold.
-        tilt_sigma: radians, standard deviation of an object's lean, its up axis against the ground's
-            normal; infinite: the lean is free after the search, 0: objects stand exactly upright;
-            None: 1.5 degrees in the default refinement, infinite in the paper's.
-        shape_prior: whether shape coefficients are pulled to zero by the model's eigenvalues;
-            None: in the default refinement, not in the paper's.
-        bbox_sigma: pixels, standard deviation of the 2D box's sides about the projected 3D box;
-            infinite: the box only makes hypotheses; None: by the inlier threshold in the default
-            refinement, infinite in the paper's.
-        covariance: whether covariances are computed. A pose whose inliers leave a direction of it or of its
-            shape free has none and is then refused as `degenerate`: without priors, a pose and M modes take
-            at least (6 + M) / 2 inliers.
-        max_iterations: most samples drawn for one object.
-        min_keypoints: fewest visible keypoints an object must have.
-        max_log10_nfa: refuse a pose when this many (log10) as good are to be expected among random
-            keypoints; infinite: never refuse.
-        score_weights: whether keypoint scores weigh the residuals (they order the draws in any case).
-        seed: of the random draws; an object's draws depend on it and the object's index only.
-
-    Raises:
-        InputError: a value out of range. TypeError: a value of another type, an unknown field.
-    """
-
-    inlier_threshold: float | Sequence[float] | None = None
-    relative_threshold: float = 0.0375
-    confidence: float = 0.99
-    solver: Solver = "auto"
-    cases: Cases = "all"
-    scoring: Scoring = "msac"
-    refinement: Refinement = "default"
-    hre_thresholds: tuple[float, float, float] = (1.0, 1.5, 3.0)
-    tilt_sigma: float | None = None
-    shape_prior: bool | None = None
-    bbox_sigma: float | None = None
-    covariance: bool = True
-    max_iterations: int = 10_000
-    min_keypoints: int = 4
-    max_log10_nfa: float = 1.0
-    score_weights: bool = True
-    seed: int = 0
-    _handle: _core.Options = field(init=False, repr=False, compare=False)
-    _thresholds: FloatArray | None = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        """Check types here and values in the core."""
-        values = {name: check(name, getattr(self, name)) for name, check in _checks_of_options().items()}
-        thresholds = None
-        if isinstance(values["inlier_threshold"], tuple):
-            thresholds = np.array(values["inlier_threshold"])
-            if not np.all(np.isfinite(thresholds) & (thresholds > 0.0)):
-                raise input_error(
-                    "inlier_threshold", "positive numbers of pixels", describe(thresholds.tolist())
-                )
-        handle = _core.Options(**{**values, **({} if thresholds is None else {"inlier_threshold": None})})
-        self._set(**values, _handle=handle, _thresholds=thresholds)
-
-
-_Check = Callable[[str, Any], Any]
-
-
-def _one_or_more(name: str, value: Any) -> float | tuple[float, ...]:
-    if np.ndim(value) == 0:
-        return number(name, value)
-    return tuple(shaped(name, value, ("N",)).tolist())
-
-
-def _three(name: str, value: Any) -> tuple[float, ...]:
-    return tuple(shaped(name, value, (3,)).tolist())
-
-
-# How a value of an annotated type is checked; names of choices are the core's to judge.
-_CHECKS: dict[Any, _Check] = {
-    float: number,
-    int: count,
-    bool: flag,
-    str: text,
-    tuple[float, float, float]: _three,
-    float | Sequence[float]: _one_or_more,
-}
-
-
-@cache
-def _checks_of_options() -> dict[str, _Check]:
-    """Each option's check, by its annotation; here because `typing` resolves annotations slowly."""
-    hints = get_type_hints(Options)
-    return {f.name: _check(hints[f.name]) for f in fields(Options) if f.init}
-
-
-def _check(hint: Any) -> _Check:
-    if get_origin(hint) is Literal:
-        return text
-    parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else ()
-    if type(None) not in parts:
-        return _CHECKS[hint]
-    check = _check(Union[tuple(part for part in parts if part is not type(None))])  # noqa: UP007
-    return lambda name, value: None if value is None else check(name, value)
 
 
 def _distortion(value: object) -> tuple[float, float, float, float, float]:

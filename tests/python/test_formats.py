@@ -1,6 +1,7 @@
 """JSON frames and KITTI text: what is read, what is written, and how errors name their place."""
 
 import copy
+import dataclasses
 import io
 import json
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from conftest import CAMERA, MODEL, VIEW, as_json, assert_same, frame_of, make_batch
 from groundpose.formats.fields import parse
-from groundpose.formats.frames import Frame, FrameSource, read_frame
+from groundpose.formats.frames import Frame, FrameSource, model_members, read_frame
 from groundpose.formats.records import pose_record
 
 BATCH = make_batch(3, seed=21)
@@ -84,6 +85,28 @@ def test_everything_optional_is_read(tmp_path):
     np.testing.assert_array_equal(got.models[1].keypoints_3d, MODEL.keypoints_3d)
     assert np.isnan(got.truth[0][1]).all()
     assert len(gp.estimate_poses(**got.arguments)) == 3  # scores of one object only
+
+
+def test_a_model_of_a_frame_has_all_that_a_model_can_have(tmp_path):
+    """No field of `ShapeModel` gets lost on the way through JSON or a file."""
+    rng = np.random.default_rng(1)
+    model = gp.ShapeModel(
+        MODEL.keypoints_3d,
+        MODEL.bbox_3d,
+        rng.normal(size=(2, 24, 3)),
+        [0.04, 0.01],
+        [f"k{i}" for i in range(24)],
+        [[-0.9, -2.2], [-0.9, 2.2], [0.9, 2.2]],
+        "car",
+        0.1 * rng.normal(size=(2, 2, 3)),
+    )
+    names = [f.name for f in dataclasses.fields(gp.ShapeModel) if f.init]
+    assert all(np.size(getattr(model, name)) for name in names), "a field that this test leaves empty"
+    model.save(tmp_path / "car.npz")
+    frame = FRAME | {"models": {"car": json.loads(json.dumps(model_members(model)))}}
+    for again in (read(frame, tmp_path).models[0], gp.ShapeModel.load(tmp_path / "car.npz")):
+        for name in names:
+            np.testing.assert_array_equal(getattr(again, name), getattr(model, name), err_msg=name)
 
 
 def set_at(path: str, value: object):

@@ -20,8 +20,8 @@ from groundpose.cli.run import Result, Tilt, run
 from groundpose.estimate import estimate_poses
 from groundpose.formats.frames import Frame, FrameSource
 from groundpose.formats.records import pose_record, tilt_members
+from groundpose.options import Options
 from groundpose.poses import PoseBatch
-from groundpose.types import Options
 
 
 @takes_options

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, get_origin, get_type_hints
 import typer
 
 from groundpose.cli.output import mistakes
-from groundpose.types import Options
+from groundpose.options import Options
 
 # Angles: radians in the library, degrees on the command line, whose option ends in `-deg`.
 _ANGLES = ("tilt_sigma",)

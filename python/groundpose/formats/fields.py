@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
@@ -105,6 +105,13 @@ class Field:
         if all(type(x) is float and x - x == 0.0 for x in self.value):  # the usual case, quickly
             return list(self.value)
         return [item.number_or_nan() if unknown else item.number() for item in self.items()]
+
+    def array(self, shape: Sequence[int | str]) -> list[Any]:
+        """Nested lists of numbers, as deep as `shape` is long; where its last entry is a number, of that length."""
+        length, *deeper = shape[::-1]
+        if deeper:
+            return [item.array(shape[1:]) for item in self.items()]
+        return self.numbers(length) if isinstance(length, int) else [item.number() for item in self.items()]
 
     def rows(self, count: int) -> list[list[float]]:
         """A list of lists of `count` numbers."""

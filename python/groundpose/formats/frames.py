@@ -14,7 +14,8 @@ A frame is one object, in a file of its own or on one line of a JSON-lines file:
       "models": {"car": {"keypoints_3d": [[x, y, z], ...],
                          "bbox_3d": [[x, y, z], [x, y, z]],   # the rest is optional
                          "basis": [[[x, y, z], ...], ...], "eigenvalues": [...],
-                         "footprint": [[x, z], ...]},
+                         "bbox_basis": [[[x, y, z], [x, y, z]], ...],
+                         "footprint": [[x, z], ...], "keypoint_names": ["left_lamp", ...]},
                  "van": "van.npz",           # or a file of ShapeModel.save
                  "pickup": "bundled:pickup"},    # or a class of groundpose.vehicles
       "objects": [{"id": 7,                  # optional, default: its number from 0
@@ -43,14 +44,14 @@ import numpy as np
 from groundpose._checks import FloatArray, input_error
 from groundpose._core import InputError
 from groundpose.formats.fields import Field, parse
-from groundpose.shape import ShapeModel
+from groundpose.shape import ARRAYS, ShapeModel
 from groundpose.types import Camera, View
 
 BUNDLED = "bundled:"
 """Before the name of a class whose shape model comes with the package."""
 
 _CAMERA = ("fx", "fy", "cx", "cy", "distortion", "image_size")
-_MODEL = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues", "footprint")
+_NAMES = "keypoint_names"
 OBJECT_MEMBERS = ("id", "model", "keypoints_2d", "keypoint_scores", "bbox", "truth")
 TILT_MEMBERS = ("pitch_deg", "roll_deg", "gravity", "camera_height")
 FRAME_MEMBERS = ("id", "camera", *TILT_MEMBERS, "image", "models", "objects")
@@ -220,9 +221,8 @@ def read_camera(field: Field) -> Camera:
 def _model(field: Field, folder: Path) -> ShapeModel:
     if isinstance(field.value, str):
         if field.value.startswith(BUNDLED):
-            from groundpose.vehicles import (
-                shape_model,
-            )  # its code is large, and most frames bring their models
+            # Its code is large, and most frames bring their models.
+            from groundpose.vehicles import shape_model
 
             with field.blamed():
                 return shape_model(field.value.removeprefix(BUNDLED))
@@ -230,19 +230,19 @@ def _model(field: Field, folder: Path) -> ShapeModel:
             return ShapeModel.load(folder / field.value)
         except OSError as error:
             field.fail("a file written by ShapeModel.save", f"{field.value}: {error.strerror}")
-    field.members(_MODEL)
-    keypoints, box, footprint = field.need("keypoints_3d"), field.get("bbox_3d"), field.get("footprint")
-    basis, eigenvalues = field.get("basis"), field.get("eigenvalues")
-    variances = [item.number() for item in eigenvalues.items()] if eigenvalues else None
-    arrays: dict[str, Any] = {
-        "keypoints_3d": keypoints.rows(3),
-        "bbox_3d": box.rows(3) if box else None,
-        "footprint": footprint.rows(2) if footprint else None,
-        "basis": [mode.rows(3) for mode in basis.items()] if basis else None,
-        "eigenvalues": variances,
-    }
+    field.members((*ARRAYS, _NAMES))
+    field.need("keypoints_3d")
+    given = {name: member.array(shape) for name, shape in ARRAYS.items() if (member := field.get(name))}
+    names = field.get(_NAMES)
+    words = tuple(item.text() for item in names.items()) if names else ()
     with field.blamed():
-        return ShapeModel(**arrays, name=field.path.partition(".")[2])
+        return ShapeModel(**given, keypoint_names=words, name=field.path.partition(".")[2])
+
+
+def model_members(model: ShapeModel) -> dict[str, Any]:
+    """A model as frames have it, without its name, under which it stands in `models`."""
+    arrays = {name: array.tolist() for name in ARRAYS if (array := getattr(model, name)) is not None}
+    return arrays | ({_NAMES: list(model.keypoint_names)} if model.keypoint_names else {})
 
 
 def _object(field: Field, index: int, models: dict[str, ShapeModel]) -> FrameObject:

@@ -17,9 +17,10 @@ from groundpose.keypoints.codec import ByteArray, usable
 from groundpose.keypoints.decode import Detections
 from groundpose.keypoints.image import as_rgb
 from groundpose.keypoints.network import Network
+from groundpose.options import Options
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
-from groundpose.types import Options, View
+from groundpose.types import View
 from groundpose.vehicles.keypoints import KINDS, keypoint_indices
 from groundpose.vehicles.shape_models import shape_model
 
