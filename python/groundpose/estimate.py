@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose import _core
 from groundpose._checks import (
@@ -33,6 +34,10 @@ _WORDS = {
     "solver": np.array(_core.SOLVERS),
 }
 
+Keypoints = ArrayLike | Sequence[ArrayLike | Sequence[ArrayLike | None]]
+Boxes = ArrayLike | Sequence[ArrayLike | Sequence[float | None] | None] | None
+"""Arrays, or lists in which None stands for what is not known."""
+
 _DEFAULT_OPTIONS = Options()
 _NOT_SEEN = (np.nan, np.nan)
 _NO_COVARIANCE = np.full((2, 2), np.nan)
@@ -40,10 +45,10 @@ _NO_COVARIANCE = np.full((2, 2), np.nan)
 
 def estimate_poses(
     view: View,
-    keypoints_2d: object,
-    bboxes: object,
+    keypoints_2d: Keypoints,
+    bboxes: Boxes,
     models: ShapeModel | Sequence[ShapeModel],
-    keypoint_scores: object = None,
+    keypoint_scores: ArrayLike | Sequence[ArrayLike] | None = None,
     options: Options = _DEFAULT_OPTIONS,
     threads: int | None = None,
     frame_tilt_sigma: float | None = None,

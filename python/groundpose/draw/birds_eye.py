@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose._checks import FloatArray, input_error, shaped
 from groundpose.draw.colours import GRID, MISSING, PAPER, POSE, POSE_LIGHT, SPREAD, TRUTH
@@ -19,7 +20,7 @@ ELLIPSE_SIGMAS = 2.448
 
 
 def draw_birds_eye(
-    poses: PoseBatch, truth: tuple[object, ...] | None = None, axes: Axes | None = None
+    poses: PoseBatch, truth: tuple[ArrayLike, ...] | None = None, axes: Axes | None = None
 ) -> Axes:
     """Footprints on the ground seen from above, with 95 % ellipses of their position.
 
@@ -47,7 +48,7 @@ def _new_axes() -> Axes:
     return axes
 
 
-def _draw_truth(axes: Axes, poses: PoseBatch, truth: tuple[object, ...]) -> list[FloatArray]:
+def _draw_truth(axes: Axes, poses: PoseBatch, truth: tuple[ArrayLike, ...]) -> list[FloatArray]:
     from matplotlib.patches import Polygon
 
     if len(truth) not in (2, 3):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from groundpose._checks import FloatArray, describe, input_error, shape_text, type_error
 from groundpose.draw.colours import BOX, FRONT, INLIER, MISSING, NO_POSE, OUTLIER, PAPER, POSE, POSE_LIGHT
@@ -22,7 +22,7 @@ _MARK, _SMALLEST_MARK, _LARGEST_MARK = 0.05, 2.0, 5.5
 _DETAILED = 24.0
 
 
-def draw_overlay(image: object, poses: PoseBatch, axes: Axes | None = None) -> Axes:
+def draw_overlay(image: ArrayLike | None, poses: PoseBatch, axes: Axes | None = None) -> Axes:
     """2D boxes, projected 3D boxes with their front face in yellow, shapes and keypoints over the image.
 
     The lines of a shape are drawn for the bundled classes, faintly where the vehicle itself hides them.

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose._checks import input_error
 from groundpose.draw.birds_eye import draw_birds_eye
@@ -39,10 +40,10 @@ _WIDE = 2.2
 
 def draw_poses(
     poses: PoseBatch,
-    image: object = None,
+    image: ArrayLike | None = None,
     path: str | PathLike[str] | None = None,
     *,
-    truth: tuple[object, ...] | None = None,
+    truth: tuple[ArrayLike, ...] | None = None,
     title: str = "",
 ) -> Figure:
     """Overlay and bird's-eye view side by side; `PoseBatch.draw` describes the arguments."""

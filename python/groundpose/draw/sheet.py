@@ -8,6 +8,7 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose._checks import input_error
 from groundpose.draw.colours import GRID, PAPER
@@ -30,7 +31,7 @@ _MARGIN = 0.25
 class Tile:
     """Object `index` of `poses` over its image (H, W, 3), and what to say of it."""
 
-    image: object
+    image: ArrayLike | None
     poses: PoseBatch
     index: int
     title: str = ""

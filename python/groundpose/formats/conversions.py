@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose._checks import FloatArray, shaped
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 _SMALL = 1e-6
 
 
-def to_matrices(R: object, t: object) -> FloatArray:
+def to_matrices(R: ArrayLike, t: ArrayLike) -> FloatArray:
     """camera_from_object (N, 4, 4) of `R` (N, 3, 3) and `t` (N, 3)."""
     rotations = shaped("R", R, ("N", 3, 3))
     places = shaped("t", t, (len(rotations), 3))
@@ -27,13 +28,13 @@ def to_matrices(R: object, t: object) -> FloatArray:
     return out
 
 
-def from_matrices(matrices: object) -> tuple[FloatArray, FloatArray]:
+def from_matrices(matrices: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """`(R, t)` of (N, 4, 4); the inverse of `to_matrices`."""
     given = shaped("matrices", matrices, ("N", 4, 4))
     return given[:, :3, :3].copy(), given[:, :3, 3].copy()
 
 
-def to_quaternions(R: object) -> FloatArray:
+def to_quaternions(R: ArrayLike) -> FloatArray:
     """Unit quaternions w, x, y, z (N, 4) with w >= 0 of rotations (N, 3, 3).
 
     The eigenvector of the largest eigenvalue of a symmetric matrix (Bar-Itzhack, 2000): as exact for half
@@ -52,7 +53,7 @@ def to_quaternions(R: object) -> FloatArray:
     return np.where(good[:, None], best, np.nan)
 
 
-def to_rvec_tvec(R: object, t: object) -> tuple[FloatArray, FloatArray]:
+def to_rvec_tvec(R: ArrayLike, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """OpenCV's rotation vectors (N, 3), of angle 0 to pi, and translations (N, 3)."""
     q = to_quaternions(R)
     sine = np.linalg.norm(q[:, 1:], axis=1)
@@ -61,7 +62,7 @@ def to_rvec_tvec(R: object, t: object) -> tuple[FloatArray, FloatArray]:
     return q[:, 1:] * factor[:, None], shaped("t", t, (len(q), 3)).copy()
 
 
-def from_rvec_tvec(rvec: object, tvec: object) -> tuple[FloatArray, FloatArray]:
+def from_rvec_tvec(rvec: ArrayLike, tvec: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """`(R, t)` of OpenCV's vectors (N, 3) and (N, 3), or (N, 3, 1) as OpenCV gives them."""
     vectors = shaped("rvec", rvec, ("N", 3), ("N", 3, 1)).reshape(-1, 3)
     places = shaped("tvec", tvec, (len(vectors), 3), (len(vectors), 3, 1)).reshape(-1, 3)
@@ -75,7 +76,7 @@ def from_rvec_tvec(rvec: object, tvec: object) -> tuple[FloatArray, FloatArray]:
     return np.eye(3) + first * cross + second * (cross @ cross), places.copy()
 
 
-def to_kitti(poses: PoseBatch, offset: object = (0.0, 0.0, 0.0)) -> FloatArray:
+def to_kitti(poses: PoseBatch, offset: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
     """(N, 8): height, width, length, x, y, z of the bottom centre, rotation_y, alpha of each answer.
 
     `offset`: see `groundpose.formats.kitti.results.results`.
@@ -90,7 +91,7 @@ def to_kitti(poses: PoseBatch, offset: object = (0.0, 0.0, 0.0)) -> FloatArray:
     return out
 
 
-def from_kitti(rows: object, offset: object = (0.0, 0.0, 0.0)) -> tuple[FloatArray, FloatArray]:
+def from_kitti(rows: ArrayLike, offset: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[FloatArray, FloatArray]:
     """`(R, t)` of upright objects whose origin is the bottom centre, from the rows of `to_kitti` (N, 8)."""
     from groundpose.formats.kitti.results import R_from_rotation_y
 

@@ -107,7 +107,7 @@ class Field:
         return [item.number_or_nan() if unknown else item.number() for item in self.items()]
 
     def array(self, shape: Sequence[int | str]) -> list[Any]:
-        """Nested lists of numbers, as deep as `shape` is long; where its last entry is a number, of that length."""
+        """Nested lists of numbers, as deep as `shape` is long; its last length, if a number, is checked."""
         length, *deeper = shape[::-1]
         if deeper:
             return [item.array(shape[1:]) for item in self.items()]

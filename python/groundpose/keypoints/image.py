@@ -6,15 +6,19 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from groundpose._checks import describe, input_error, type_error
 from groundpose.keypoints.codec import ByteArray
 
+Picture = NDArray[Any] | Image.Image | str | PathLike[str]
+"""What is taken for an image; `as_rgb` says more."""
+
 _WANTED = "an (H, W, 3) uint8 array (RGB), an (H, W) one (grey), a Pillow image or a path"
 
 
-def as_rgb(image: object) -> ByteArray:
+def as_rgb(image: Picture) -> ByteArray:
     """The picture as (H, W, 3) uint8, red, green, blue.
 
     Args:

@@ -15,7 +15,7 @@ from groundpose.estimate import estimate_poses
 from groundpose.formats.detections import bboxes_of
 from groundpose.keypoints.codec import ByteArray, usable
 from groundpose.keypoints.decode import Detections
-from groundpose.keypoints.image import as_rgb
+from groundpose.keypoints.image import Picture, as_rgb
 from groundpose.keypoints.network import Network
 from groundpose.options import Options
 from groundpose.poses import PoseBatch
@@ -117,7 +117,7 @@ class Pipeline:
                 )
 
     def __call__(
-        self, image: object, bboxes: object, view: View, frame_tilt_sigma: float | None = None
+        self, image: Picture, bboxes: object, view: View, frame_tilt_sigma: float | None = None
     ) -> VehiclePoses:
         """Poses of the vehicles in boxes of an image.
 

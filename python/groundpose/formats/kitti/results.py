@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from groundpose._checks import FloatArray, input_error, shaped, text
 from groundpose.formats.kitti.labels import KittiLabel
@@ -23,14 +24,20 @@ _UNKNOWN_PLACE = (-1000.0, -1000.0, -1000.0)
 
 
 def format_results(
-    poses: PoseBatch, names: Sequence[str] | None = None, scores: object = None, offset: object = (0, 0, 0)
+    poses: PoseBatch,
+    names: Sequence[str] | None = None,
+    scores: ArrayLike | None = None,
+    offset: ArrayLike = (0, 0, 0),
 ) -> str:
     """The result text of a batch; see `PoseBatch.to_kitti` and `results` for the arguments."""
     return "".join(format_result(result) for result in results(poses, names, scores, offset))
 
 
 def results(
-    poses: PoseBatch, names: Sequence[str] | None = None, scores: object = None, offset: object = (0, 0, 0)
+    poses: PoseBatch,
+    names: Sequence[str] | None = None,
+    scores: ArrayLike | None = None,
+    offset: ArrayLike = (0, 0, 0),
 ) -> list[KittiLabel]:
     """The batch as KITTI's results, one an object.
 

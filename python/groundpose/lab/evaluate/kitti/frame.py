@@ -213,8 +213,8 @@ def evaluate(
 
 def as_results(frame: KittiFrame, prepared: Prepared, poses: gp.PoseBatch) -> list[KittiLabel]:
     """The poses in KITTI's terms, with the detector's scores if it gave any."""
-    given = [box.score for box in prepared.boxes]
-    scores = None if any(score is None for score in given) else given
+    given = [box.score for box in prepared.boxes if box.score is not None]
+    scores = given if len(given) == len(prepared.boxes) else None
     return results(poses, [box.type for box in prepared.boxes], scores, frame.camera_from_labels)
 
 
