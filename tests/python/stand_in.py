@@ -16,7 +16,7 @@ PLACES = np.random.default_rng(1).uniform((20, 20), (108, 76), (K, 2)).astype(np
 
 
 def write(path: Path, kind: int = 0, places: np.ndarray = PLACES, **changes: str) -> Path:
-    """A network that sees keypoints (53, 2) at `places` and one class; `changes` are of its metadata."""
+    """A network that sees keypoints (K, 2) at `places` and one class; `changes` are of its metadata."""
     helper, of = onnx.helper, onnx.numpy_helper.from_array
     logits = np.full(len(KINDS), 0.1, np.float32)
     logits[kind] = 0.7

@@ -19,9 +19,10 @@ from groundpose.formats.fields import Field
 from groundpose.formats.frames import FRAME_MEMBERS, OBJECT_MEMBERS, read_truth, read_view
 from groundpose.formats.kitti.labels import DONT_CARE, KittiLabel, read_labels
 from groundpose.types import View
+from groundpose.vehicles.classes import CLASSES
 
 VEHICLES = frozenset(
-    ("vehicle", "car", "van", "bus", "minibus", "truck", "pickup", "suv", "van_bus", "box_truck", "trailer")
+    (*CLASSES, "vehicle", "car", "van", "bus", "minibus", "truck", "pickup", "suv", "trailer")
 )
 """Names of detectors' and labels' classes (in lower case) that are vehicles; a box without a name is one."""
 

@@ -13,7 +13,7 @@ from groundpose._checks import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """The network's answer for N crops; K = 53 keypoints, C = 4 classes.
+    """The network's answer for N crops; K keypoints (`KEYPOINTS`), C classes (`CLASSES`).
 
     Attributes:
         keypoints: (N, K, 2) crop pixels; those of other classes are meaningless.

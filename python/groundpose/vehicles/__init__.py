@@ -1,8 +1,9 @@
-"""Vehicles: 53 keypoints, four classes, shape models; procedural bodies when they are asked for."""
+"""Vehicles: classes, keypoints, shape models; procedural bodies when they are asked for."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import (
     KEYPOINTS,
     KINDS,
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from groundpose.lab.bodies import MATERIALS, STYLES, Body, body, keypoints_of
 
 __all__ = [
+    "CLASSES",
     "KEYPOINTS",
     "KINDS",
     "MATERIALS",

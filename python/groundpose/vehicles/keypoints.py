@@ -1,4 +1,4 @@
-"""The 53 keypoints of the four vehicle classes: one table, in the order of the network's channels.
+"""The keypoints of the vehicle classes: one table, in the order of the network's channels.
 
 Counts as in the paper (appendix C): car 28, van_bus 26, pickup 26, box_truck 30. The paper names no
 definitions; ours are places that a picture shows from more than one side: corners of glass, lamps,
@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import input_error
+from groundpose.vehicles.classes import CLASSES
 
-KINDS: tuple[str, ...] = ("car", "van_bus", "pickup", "box_truck")
-"""The classes of vehicles."""
+KINDS = CLASSES
+"""The former name of `CLASSES`."""
 
-_ALL = KINDS
+_ALL = CLASSES
 _PAIRS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("front_wheel", "centre of the front wheel's outer face", _ALL),
     ("rear_wheel", "centre of the (first) rear wheel's outer face", _ALL),
@@ -78,7 +79,7 @@ def _pair(name: str, where: str, kinds: tuple[str, ...]) -> tuple[Keypoint, Keyp
 KEYPOINTS: tuple[Keypoint, ...] = tuple(side for row in _PAIRS for side in _pair(*row)) + tuple(
     Keypoint(name, where, None, kinds) for name, where, kinds in _MIDDLE
 )
-"""All 53; the order is that of the network's channels and never changes."""
+"""All, K of them; the order is that of the network's channels and never changes."""
 
 
 def keypoint_indices(kind: str) -> NDArray[np.intp]:
@@ -98,6 +99,6 @@ def keypoint_names(kind: str) -> tuple[str, ...]:
 
 
 def flip_indices() -> NDArray[np.intp]:
-    """Permutation (53,): keypoint `i` of a mirrored image is keypoint `flip_indices()[i]` of the original."""
+    """Permutation (K,): keypoint `i` of a mirrored image is keypoint `flip_indices()[i]` of the original."""
     row = {keypoint.name: i for i, keypoint in enumerate(KEYPOINTS)}
     return np.array([row[keypoint.partner or keypoint.name] for keypoint in KEYPOINTS], dtype=np.intp)

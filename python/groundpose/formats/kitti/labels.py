@@ -19,16 +19,17 @@ import numpy as np
 from groundpose._checks import input_error
 from groundpose.formats.skips import Skips
 from groundpose.types import Camera
+from groundpose.vehicles.classes import TABLE
 
 TYPES = (
     *("Car", "Van", "Truck", "Pedestrian", "Person_sitting", "Person", "Cyclist", "Tram", "Misc"),
     "DontCare",
 )
 DONT_CARE = "DontCare"
-TYPE_OF = {"car": "Car", "van_bus": "Van", "pickup": "Car", "box_truck": "Truck"}
-"""KITTI's class of each of ours: it counts pickups as cars."""
-KIND_OF = {"Car": "car", "Van": "van_bus", "Truck": "box_truck"}
-"""Our class of each of KITTI's."""
+TYPE_OF = {row.name: row.kitti_type for row in TABLE}
+"""KITTI's type of each of our classes."""
+KIND_OF = {type_: next(c.name for c in TABLE if c.kitti_type == type_) for type_ in TYPE_OF.values()}
+"""Our class of each of KITTI's types that is one of ours."""
 _NUMBERS = 14
 _TRACKING_COLUMNS = 2
 T = TypeVar("T")

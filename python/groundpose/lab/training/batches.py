@@ -27,8 +27,8 @@ class Batch:
 
     Attributes:
         crops: (N, 3, height, width) float, RGB, whole numbers 0 to 255.
-        keypoints: (N, 53, 2) crop pixels, NaN = not a keypoint of the class.
-        state: (N, 53) as in the records.
+        keypoints: (N, K, 2) crop pixels, NaN = not a keypoint of the class.
+        state: (N, K) as in the records.
         kind: (N,) index of the class.
         windows: (N, 4) image pixels that the crops show (before turning and mirroring).
         labels: (N,) the records.

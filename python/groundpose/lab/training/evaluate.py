@@ -28,7 +28,7 @@ class Answers:
     Attributes:
         detections: as the network gave them.
         labels: (M,) records. windows: (M, 4) image pixels of the crops.
-        errors: (M, 53) image pixels, NaN = not a keypoint of the class.
+        errors: (M, K) image pixels, NaN = not a keypoint of the class.
         sides: (M,) longer side of the box, image pixels. sides_in_crop: the same, crop pixels.
     """
 
@@ -41,7 +41,7 @@ class Answers:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        """(M, 53): within 0.0375 of the box's longer side (paper, sec. 4.2.3)."""
+        """(M, K): within 0.0375 of the box's longer side (paper, sec. 4.2.3)."""
         with np.errstate(invalid="ignore"):
             return np.asarray(self.errors <= RELATIVE_THRESHOLD * self.sides[:, None])
 

@@ -59,6 +59,6 @@ class Loss:
         return Losses(total, cross_entropy, distance, classes)
 
     def _gaussian(self, cells: Tensor, places: Tensor, inside: Tensor) -> Tensor:
-        """Shares (N, 53, cells) that sum to 1; equal ones for points that are not in the crop."""
+        """Shares (N, K, cells) that sum to 1; equal ones for points that are not in the crop."""
         exponent = -0.5 * ((cells - places[..., None]) / self._sigma) ** 2
         return (exponent * inside[..., None]).softmax(dim=2)

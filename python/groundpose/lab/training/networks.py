@@ -17,7 +17,7 @@ from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices
 
 
 class Raw(NamedTuple):
-    """What a network says before decoding: maps (N, 53, h, w) and class logits (N, 4)."""
+    """What a network says before decoding: maps (N, K, h, w) and class logits (N, 4)."""
 
     maps: Tensor
     logits: Tensor
@@ -26,8 +26,8 @@ class Raw(NamedTuple):
 class Decoded(NamedTuple):
     """What a network says of N crops.
 
-    keypoints (N, 53, 2) crop pixels; spread (N, 53) crop pixels, the standard deviation of the map read as a
-    distribution; peak (N, 53) its largest cell, 0 to 1; kind_probabilities (N, 4).
+    keypoints (N, K, 2) crop pixels; spread (N, K) crop pixels, the standard deviation of the map read as a
+    distribution; peak (N, K) its largest cell, 0 to 1; kind_probabilities (N, 4).
     """
 
     keypoints: Tensor
@@ -218,8 +218,8 @@ class KeypointNetwork(nn.Module):
         return Decoded(torch.stack([x, y], dim=2), spread, peak, raw.logits.softmax(dim=1))
 
     def _place(self, share: Tensor, cells: Tensor, peak: Tensor) -> tuple[Tensor, Tensor]:
-        """Along one axis the mean of the cells near the peak, and the variance of all: of shares (N, 53,
-        cells) and the index of the peak (N, 53)."""
+        """Along one axis the mean of the cells near the peak, and the variance of all: of shares (N, K,
+        cells) and the index of the peak (N, K)."""
         near = share * ((cells - cells[peak][..., None]).abs() < self.config.reach * self.config.width)
         mean = (share * cells).sum(dim=2)
         # about the mean, not E[x^2] - E[x]^2: that loses the digits of small spreads

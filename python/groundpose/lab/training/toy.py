@@ -69,7 +69,7 @@ def toy_frame(
 
 @cache
 def _template() -> FloatArray:
-    """Places (53, 2) in -1 to 1, partners mirrored."""
+    """Places (K, 2) in -1 to 1, partners mirrored."""
     flip = flip_indices()
     places = np.zeros((len(KEYPOINTS), 2))
     rng = np.random.default_rng(53)
@@ -84,7 +84,7 @@ def _template() -> FloatArray:
 
 @cache
 def _colours() -> np.ndarray:
-    """A colour (53, 3) each, partners alike."""
+    """A colour (K, 3) each, partners alike."""
     flip = flip_indices()
     colours = np.random.default_rng(54).integers(0, 256, (len(KEYPOINTS), 3))
     return colours[np.minimum(np.arange(len(flip)), flip)]
