@@ -178,6 +178,16 @@ def test_the_tilt_of_the_frame_is_estimated_and_said(frame):
     assert "frame_tilt_sigma: expected a positive number" in one_line(refused)
 
 
+def test_former_spellings_of_options_still_work(frame):
+    refused = run("estimate", frame, "--model", "mine.onnx")
+    assert "--network: is for images" in one_line(refused)
+    assert "--model" not in run("estimate", "--help").stdout
+    for old, new in (("--least-score", "--min-score"), ("--frame-tilt-deg", "--frame-tilt-sigma-deg")):
+        refused = run("evaluate", "kitti", "--root", "KITTI", "-o", "out.json", old, "x")
+        assert f"'{new}'" in refused.stderr
+        assert old not in run("evaluate", "kitti", "--help").stdout.split()
+
+
 MISTAKES = {
     "no such file": (["nothing.json"], "nothing.json: No such file"),
     "a folder": (["."], ".: is an image or a folder; give the 2D boxes too, --boxes FILE"),

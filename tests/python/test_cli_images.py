@@ -87,7 +87,7 @@ def kitti(*rows: tuple[str, np.ndarray]) -> str:
 
 
 def estimate(model: Path, *arguments: object, source: str = "street.png", boxes: str = "boxes.json"):
-    return run("estimate", source, "--boxes", boxes, "--model", model, *arguments)
+    return run("estimate", source, "--boxes", boxes, "--network", model, *arguments)
 
 
 def everything() -> set[str]:

@@ -55,14 +55,14 @@ def model(tmp_path_factory):
 
 def test_demo_prints_and_draws(model, tmp_path):
     path = tmp_path / "street.png"
-    result = run("demo", "--out", path, "--model", model)
+    result = run("demo", "--out", path, "--network", model)
     assert result.exit_code == 0, result.stderr
     assert f"Picture: {path}" in result.stdout
     for word in ("car", "crop", "network", "decode", "solve", "ms a vehicle", "told 0° and 0°"):
         assert word in result.stdout, word
     with Image.open(path) as image:
         assert image.width > 1000
-    assert "street.nope" in one_line(run("demo", "--out", tmp_path / "street.nope", "--model", model))
+    assert "street.nope" in one_line(run("demo", "--out", tmp_path / "street.nope", "--network", model))
 
 
 def test_demo_without_a_network_says_what_to_do(monkeypatch, tmp_path):
@@ -73,7 +73,7 @@ def test_demo_without_a_network_says_what_to_do(monkeypatch, tmp_path):
 
 
 def test_the_files_of_the_street_are_input_of_estimate(model):
-    result = run("estimate", IMAGE, "--boxes", LABELS, "--model", model)
+    result = run("estimate", IMAGE, "--boxes", LABELS, "--network", model)
     assert result.exit_code == 0, result.stderr
     line = json.loads(result.stdout)
     assert len(line["objects"]) == len(STREET.bboxes)

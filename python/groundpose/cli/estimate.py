@@ -44,7 +44,7 @@ def estimate(
             help="The camera: KITTI, OpenCV, ROS, nuScenes, JSON; of a folder one file or a folder."
         ),
     ] = None,
-    model: NetworkFile = None,
+    network: NetworkFile = None,
     min_score: Annotated[
         float | None, typer.Option(help="Leave out boxes whose score is lower.", show_default="none")
     ] = None,
@@ -74,9 +74,9 @@ def estimate(
     frame_tilt_sigma_deg: Annotated[
         float | None,
         typer.Option(
-            help="How far off the tilt may be for a whole frame: it is estimated from all objects.",
+            help="Standard deviation of a frame's tilt about the nominal one, to estimate it.",
             metavar="DEG",
-            show_default="the tilt is as told",
+            show_default="the nominal tilt is the frame's",
         ),
     ] = None,
     threads: Annotated[int | None, typer.Option(min=1, show_default="all cores", help="Threads.")] = None,
@@ -113,9 +113,9 @@ def estimate(
     with mistakes():
         job = _Job(options, threads, tilt, out, form, draw)
         if boxes is not None or is_image(source):
-            status = job.images(source, boxes, calib, model, min_score, pictures)
+            status = job.images(source, boxes, calib, network, min_score, pictures)
         else:
-            for_images = {"calib": calib, "model": model, "min-score": min_score}
+            for_images = {"calib": calib, "network": network, "min-score": min_score}
             status = job.frames(source, for_images | {"no-pictures": None if pictures else True})
     raise typer.Exit(status)
 
@@ -136,7 +136,7 @@ class _Job:
         source: Path,
         boxes: Path | None,
         calib: Path | None,
-        model: Path | None,
+        network: Path | None,
         min_score: float | None,
         pictures: bool,
     ) -> int:
@@ -146,7 +146,7 @@ class _Job:
 
         if boxes is None:
             refuse(f"{source}: is an image or a folder; give the 2D boxes too, --boxes FILE")
-        pipeline = Pipeline(model, options=self.options, threads=self.threads)
+        pipeline = Pipeline(network, options=self.options, threads=self.threads)
         work = ImageWork(
             source, boxes, calib, self.tilt, -math.inf if min_score is None else min_score, pipeline
         )

@@ -87,12 +87,12 @@ def kitti(
         list[str] | None,
         typer.Option("--class", help="Car, Van or Truck; repeat for more. None: all three."),
     ] = None,
-    pitch_deg: Annotated[float, typer.Option(help="Tilt of the camera that is told.")] = 0.0,
-    frame_tilt_deg: Annotated[
+    pitch_deg: Annotated[float, typer.Option(help="Nominal pitch of the camera.")] = 0.0,
+    frame_tilt_sigma_deg: Annotated[
         float | None,
-        typer.Option(help="Estimate each frame's tilt from its objects; how far off the told one may be."),
+        typer.Option(help="Standard deviation of a frame's tilt about the nominal one, to estimate it."),
     ] = None,
-    least_score: Annotated[float, typer.Option(help="Detections below it are left out.")] = 0.0,
+    min_score: Annotated[float, typer.Option(help="Leave out detections whose score is lower.")] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Of simulated keypoints.")] = 0,
     limit: Annotated[int | None, typer.Option(min=1, help="Only the first frames.")] = None,
     jobs: Annotated[
@@ -138,8 +138,8 @@ def kitti(
             **({"classes": tuple(kind)} if kind else {}),
             keypoints=keypoints.value,
             pitch_deg=pitch_deg,
-            frame_tilt_sigma_deg=frame_tilt_deg,
-            least_score=least_score,
+            frame_tilt_sigma_deg=frame_tilt_sigma_deg,
+            least_score=min_score,
         )
         found = None
         if boxes is Boxes.DETECTIONS:

@@ -17,13 +17,19 @@ from groundpose.cli.output import console, mistakes
 from groundpose.cli.simulate import simulate
 from groundpose.cli.train import crops, export, train
 
+# Options whose former spelling still works, without a place in the help.
+_FORMER = {"model": "network", "least-score": "min-score", "frame-tilt-deg": "frame-tilt-sigma-deg"}
+
 app = typer.Typer(
     name="groundpose",
     help="From one calibrated image, the 6-DoF pose and shape of every vehicle on the ground.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "token_normalize_func": lambda name: _FORMER.get(name, name),
+    },
 )
 app.command(rich_help_panel="Commands")(estimate)
 app.command()(simulate)
@@ -53,7 +59,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="Picture to write (.png, .svg, .pdf).")] = Path(
         "groundpose_demo.png"
     ),
-    model: NetworkFile = None,
+    network: NetworkFile = None,
 ) -> None:
     """From a bundled image of a street to poses: print estimate and truth, write a picture.
 
@@ -61,14 +67,14 @@ def demo(
 
       groundpose demo
 
-      groundpose demo --model mine.onnx --out /tmp/street.png
+      groundpose demo --network mine.onnx --out /tmp/street.png
     """
     from groundpose.demo import run
     from groundpose.draw import check_path
 
     with mistakes():
         check_path(out)
-        result = run(model)
+        result = run(network)
         console().print(result.table())
         result.write_picture(out)
     typer.echo(f"Picture: {out.resolve()}")

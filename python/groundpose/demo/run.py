@@ -56,13 +56,13 @@ class Demo:
         self.poses.draw(self.street.image, path, truth=truth, title=title)
 
 
-def run(model: str | PathLike[str] | None = None) -> Demo:
-    """Run the pipeline on one thread with the network in file `model` (None: the bundled one).
+def run(network: str | PathLike[str] | None = None) -> Demo:
+    """Run the pipeline on one thread with the network in file `network` (None: the bundled one).
 
     Raises:
         OSError: no such file. InputError: a file that is not a network of ours.
     """
-    pipeline, street = Pipeline(model, threads=1), example()
+    pipeline, street = Pipeline(network, threads=1), example()
     runs = [pipeline(street.image, street.bboxes, street.view) for _ in range(1 + _RUNS)]
     return Demo(street, min(runs[1:], key=lambda poses: sum(poses.seconds.values())))
 
