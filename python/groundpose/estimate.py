@@ -67,13 +67,13 @@ def estimate_poses(
             NaN: not seen. None: all weigh the same.
         options: see `Options`.
         threads: 1 or more; None: all cores. The result is the same bit for bit.
-        frame_tilt_sigma: radians, how far off the told tilt may be for the whole frame (standard
-            deviation). The tilt is then estimated first, from all objects together, and is that of
-            the result's `view`; twice the time. None: the told tilt is the frame's.
+        frame_tilt_sigma: radians, standard deviation of the frame's true tilt about the nominal tilt
+            of `view`. The tilt is then estimated first, from all objects together, and stands in
+            the result's `view`; this doubles the time. None: the nominal tilt is taken as true.
 
     Returns:
-        N answers, in order. An object without an answer, because of its data or because it has
-        none, has a `status` and NaN; nothing is raised for one object.
+        N answers, in order. An object without an answer has a `status` that says why, and NaN; its
+        data never raise an error.
 
     Raises:
         InputError: an argument of the wrong shape or length. TypeError: of the wrong type.
@@ -164,7 +164,7 @@ def _models(models: Any, count: int) -> tuple[ShapeModel, ...]:
 def _check_widths(keypoints: FloatArray, lengths: list[int] | None, models: tuple[ShapeModel, ...]) -> None:
     """Every object has as many keypoints as its model; beyond them an array is NaN.
 
-    Of a model that all objects of an array share one is enough.
+    Where all objects of an array have the same model, `models` may hold it once.
     """
     width = keypoints.shape[1]
     numbers = [len(model.keypoints_3d) for model in models]

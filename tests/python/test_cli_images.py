@@ -280,7 +280,7 @@ MISTAKES = {
     "no boxes in it": ({"boxes": "camera.json"}, "camera.json: expected 2D boxes"),
     "no calibration": (
         {"calib": None},
-        "--calib: expected a file with the camera, which the boxes do not tell",
+        "--calib: expected a file with the camera, which the file of boxes does not have",
     ),
     "no such calibration": ({"calib": "none.txt"}, "none.txt: No such file"),
     "another file": ({"calib": "boxes.json"}, "boxes.json: expected a calibration"),

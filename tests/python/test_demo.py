@@ -58,7 +58,7 @@ def test_demo_prints_and_draws(model, tmp_path):
     result = run("demo", "--out", path, "--network", model)
     assert result.exit_code == 0, result.stderr
     assert f"Picture: {path}" in result.stdout
-    for word in ("car", "crop", "network", "decode", "solve", "ms a vehicle", "told 0° and 0°"):
+    for word in ("car", "crop", "network", "decode", "solve", "ms per vehicle", "nominally 0° and 0°"):
         assert word in result.stdout, word
     with Image.open(path) as image:
         assert image.width > 1000

@@ -32,8 +32,8 @@ class ImageWork:
 
     Args:
         path: a picture, a folder of pictures or a video.
-        boxes: a file with the boxes of the image or of all images, or a folder with a file an image.
-        calibration: a file for all images, or a folder with a file an image; None: the boxes tell it.
+        boxes: a file with the boxes of the image or of all images, or a folder with a file per image.
+        calibration: a file for all images, or a folder with a file per image; None: the boxes have it.
         tilt: instead of what the files say.
         min_score: boxes that a detector gives a lower score are left out.
         pipeline: that finds the poses.
@@ -129,7 +129,9 @@ class ImageWork:
 
 
 def _no_camera(name: str) -> InputError:
-    return input_error("--calib", "a file with the camera, which the boxes do not tell", f"none for {name}")
+    return input_error(
+        "--calib", "a file with the camera, which the file of boxes does not have", f"none for {name}"
+    )
 
 
 def _frame(label: str | int, path: Path, boxes: list[Box], poses: VehiclePoses) -> Frame:

@@ -126,7 +126,7 @@ class Output:
 
 
 class Pictures:
-    """`--draw`: one picture a frame."""
+    """`--draw`: one picture per frame."""
 
     def __init__(self, path: Path, several: bool) -> None:
         """A usage error if it is no picture's name, or several frames would overwrite one picture."""

@@ -44,7 +44,7 @@ class Demo:
         return np.asarray(np.arccos(np.clip(0.5 * (traces - 1.0), -1.0, 1.0)))
 
     def table(self) -> Table:
-        """Estimate beside truth, one row a vehicle."""
+        """Estimate beside truth, one row per vehicle."""
         return _table(self)
 
     def write_picture(self, path: str | PathLike[str]) -> None:
@@ -85,8 +85,8 @@ def _caption(demo: Demo) -> str:
     each = demo.seconds * 1e3 / max(len(demo.poses), 1)
     pitch, roll = (np.degrees(angle) for angle in (demo.street.true_view.pitch, demo.street.true_view.roll))
     return (
-        f"{steps} ms\n{each:.1f} ms a vehicle on one core\n"
-        f"camera tilted by {pitch:.1f}° and {roll:.1f}°, told 0° and 0°"
+        f"{steps} ms\n{each:.1f} ms per vehicle on one core\n"
+        f"camera tilted by {pitch:.1f}° and {roll:.1f}°, nominally 0° and 0°"
     )
 
 

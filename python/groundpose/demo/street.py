@@ -24,12 +24,12 @@ IMAGE, LABELS = (Path(__file__).parent / name for name in ("street.jpg", "street
 
 @dataclass(frozen=True, eq=False)
 class Street:
-    """What the pipeline is told and what is true, N vehicles.
+    """What the pipeline is given and what is true, N vehicles.
 
     Attributes:
         path: of the picture. image: it, (H, W, 3) uint8.
         bboxes: (N, 4) left, top, right, bottom pixels.
-        view: the camera, told level. true_view: with its real tilt and height.
+        view: the camera, nominally level. true_view: with its real tilt and height.
         kinds: N classes. R, t: true poses (N, 3, 3) and (N, 3) metres.
         bbox_3d: (N, 2, 3) metres, the bodies' true 3D boxes.
     """

@@ -79,9 +79,9 @@ def segment(view: View, ends: FloatArray) -> FloatArray | None:
         return None
     if (depths <= _NEAR).any():
         behind = int(np.argmin(depths))
-        share = (_NEAR - depths[1 - behind]) / (depths[behind] - depths[1 - behind])
+        fraction = (_NEAR - depths[1 - behind]) / (depths[behind] - depths[1 - behind])
         ends = ends.copy()
-        ends[behind] = ends[1 - behind] + share * (ends[behind] - ends[1 - behind])
+        ends[behind] = ends[1 - behind] + fraction * (ends[behind] - ends[1 - behind])
         ends[behind, 2] = _NEAR
     steps = np.linspace(0.0, 1.0, 2 if view.camera.distortion is None else 12)[:, None]
     return view.camera.distort(view.project(ends[0] + steps * (ends[1] - ends[0])))
@@ -101,6 +101,6 @@ def footprint(model: ShapeModel, shape_coefficients: FloatArray | None) -> Float
     if model.footprint is None:
         corners = np.array([[low[0], low[2]], [low[0], high[2]], [high[0], high[2]], [high[0], low[2]]])
     else:
-        share = (model.footprint - own[0, [0, 2]]) / (own[1] - own[0])[[0, 2]]
-        corners = low[[0, 2]] + share * (high - low)[[0, 2]]
+        fraction = (model.footprint - own[0, [0, 2]]) / (own[1] - own[0])[[0, 2]]
+        corners = low[[0, 2]] + fraction * (high - low)[[0, 2]]
     return np.insert(corners, 1, high[1], axis=1)

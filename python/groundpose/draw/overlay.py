@@ -15,7 +15,7 @@ from groundpose.poses import Pose, PoseBatch
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Marks of a keypoint: points of 1/72 inch, as a share of the object's longer side on the paper, and limits.
+# Marks of a keypoint: points of 1/72 inch, as a fraction of the object's longer side there, and limits.
 _MARK, _SMALLEST_MARK, _LARGEST_MARK = 0.05, 2.0, 5.5
 # Of objects shorter than this on the paper (points) only boxes, number and inliers are drawn: the rest would
 # hide them.

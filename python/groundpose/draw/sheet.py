@@ -1,4 +1,4 @@
-"""Contact sheets: one tile an object, for the worst cases or any others."""
+"""Contact sheets: one tile per object, for the worst cases or any others."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _DPI = 100
 # Width and height of a tile, of the strip with its title, pixels.
 _TILE, _TITLE, _GAP = (300, 225), 22, 6
-# Share of the box's sides that is shown around it.
+# Fraction of the box's sides that is shown around it.
 _MARGIN = 0.25
 
 

@@ -36,7 +36,7 @@ CAMERAS = {
 }
 """By the end of an image's name."""
 _FARTHEST = 0.15
-"""Keypoints whose median distance from a projected model is larger, as a share of their extent, are not
+"""Keypoints whose median distance from a projected model is larger, as a fraction of their extent, are not
 its."""
 _MARGIN = 0.1
 """Boxes are the extent of the labelled keypoints and so much of it on every side."""

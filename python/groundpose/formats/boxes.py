@@ -1,4 +1,4 @@
-"""2D boxes of images from files: which format a file has, told by its content, and the boxes it gives.
+"""2D boxes of images from files: the format is recognised by the content.
 
 A format is a row of `BOXES`: what it is called, how it is recognised, how it is read. Boxes are `left, top,
 right, bottom` pixels as the file has them; no half pixel is added or taken.
@@ -54,7 +54,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Boxes:
-    """The boxes of one image, and its camera if the file tells it."""
+    """The boxes of one image, and its camera if the file has it."""
 
     boxes: tuple[Box, ...]
     view: View | None = None
@@ -210,7 +210,7 @@ def _coco_box(field: Field, names: Mapping[str | int, str], number: int) -> Box:
 
 
 def _is_frames(content: Content) -> bool:
-    """Our frames, one or one a line; of their objects only boxes, names, scores and truth count."""
+    """Our frames, one or one per line; of their objects only boxes, names, scores and truth count."""
     return bool(content.json) and _has(content.json[0], ("objects",))
 
 

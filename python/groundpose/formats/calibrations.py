@@ -1,4 +1,4 @@
-"""Cameras from files: which format a file has, told by its content, and the view it gives.
+"""Cameras from files: the format is recognised by the content.
 
 A format is a row of `CALIBRATIONS`: what it is called, how it is recognised, how it is read.
 """

@@ -34,7 +34,7 @@ def read_opencv(content: Content) -> View:
 
 
 def is_camera_info(content: Content) -> bool:
-    """A camera_info message as ROS 1 (`K: [...]`) or ROS 2 (`k:`, a number a line) prints it."""
+    """A camera_info message as ROS 1 (`K: [...]`) or ROS 2 (`k:`, one number per line) prints it."""
     return bool(re.search(r"(?m)^[kK]\s*:", content.text)) and not content.json
 
 

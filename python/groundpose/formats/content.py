@@ -18,7 +18,7 @@ class Content:
     Attributes:
         place: its name, as errors begin.
         text: all of it.
-        json: its JSON values: one, or one a line (JSON lines), or none when it is no JSON.
+        json: its JSON values: one, or one per line (JSON lines), or none when it is no JSON.
     """
 
     place: str

@@ -5,15 +5,12 @@ All arrays lead with the N objects; an object without an answer is NaN throughou
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from groundpose._checks import FloatArray, shaped
-
-if TYPE_CHECKING:
-    from groundpose.poses import PoseBatch
+from groundpose.formats.kitti.results import R_from_rotation_y, results
+from groundpose.poses import PoseBatch
 
 _SMALL = 1e-6
 
@@ -81,8 +78,6 @@ def to_kitti(poses: PoseBatch, offset: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArra
 
     `offset`: see `groundpose.formats.kitti.results.results`.
     """
-    from groundpose.formats.kitti.results import results  # stands beside this file and needs it not
-
     out = np.full((len(poses), 8), np.nan)
     for row, result, ok in zip(out, results(poses, offset=offset), poses.ok, strict=True):
         if ok:
@@ -93,7 +88,6 @@ def to_kitti(poses: PoseBatch, offset: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArra
 
 def from_kitti(rows: ArrayLike, offset: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[FloatArray, FloatArray]:
     """`(R, t)` of upright objects whose origin is the bottom centre, from the rows of `to_kitti` (N, 8)."""
-    from groundpose.formats.kitti.results import R_from_rotation_y
 
     given = shaped("rows", rows, ("N", 8))
     R = np.array([R_from_rotation_y(angle) for angle in given[:, 6]]).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""Boxes of any detector, as it gives them: no detector is needed to be here for that.
+"""Boxes of any detector, as it gives them; no detector has to be installed for that.
 
 Taken are `supervision.Detections`, results of ultralytics (one, or the list of one that its models return), a
 dictionary of torchvision's detectors, COCO results (dictionaries with `bbox`), KITTI labels or the path of

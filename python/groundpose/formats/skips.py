@@ -38,7 +38,7 @@ class Skips:
         return self.counts.total()
 
     def lines(self) -> list[str]:
-        """One line a reason for a reader, the most frequent first."""
+        """One line per reason for a reader, the most frequent first."""
         return [
             f"{count} x {reason}: {self.places[reason][0]}" + (", ..." if count > 1 else "")
             for reason, count in self.counts.most_common()

@@ -30,7 +30,7 @@ STD = (58.4, 57.1, 57.4)
 FILL = (124, 116, 104)
 """Colour of what lies outside the image."""
 MARGIN = 0.10
-"""Share of a box's width and height that a window adds on each side."""
+"""Fraction of a box's width and height that a window adds on each side."""
 
 ByteArray = NDArray[np.uint8]
 
@@ -41,7 +41,7 @@ class Codec:
 
     Args:
         width, height: pixels of a crop.
-        margin: share of the box's sides added on each side of it.
+        margin: fraction of the box's sides added on each side of it.
 
     Raises:
         InputError: a size below 1 or a margin below 0. TypeError: not numbers.
@@ -118,7 +118,7 @@ def cut(image: ByteArray, window: FloatArray, width: int, height: int) -> ByteAr
     interpolates linearly. Outside the image there is `FILL`.
     """
     low, high = window[:2] + 0.5, window[2:] + 0.5  # outer corners at integers, as Pillow counts
-    # Of large objects every second (third, ...) row and column: 1.5 to 3 an output pixel are enough, and the
+    # Of large objects every second (third, ...) row and column: 1.5 to 3 per output pixel are enough, and the
     # time no longer grows with the object.
     step = max(1, int(((high - low) / (width, height)).min() / 1.5))
     first = np.floor(low).astype(int) - step

@@ -30,8 +30,8 @@ class Detections:
 
 @dataclass(frozen=True)
 class Calibration:
-    """From spread and peak of a heat map to a score: the chance that the keypoint is within 0.0375 of the
-    box's longer side, `1 / (1 + exp(-(bias + spread * log(spread / side) + peak * log(peak))))`."""
+    """From spread and peak of a heat map to a score: the probability of an error below 0.0375 of the box's
+    longer side, `1 / (1 + exp(-(bias + spread * log(spread / side) + peak * log(peak))))`."""
 
     bias: float = -6.0
     spread: float = -2.0
@@ -66,7 +66,7 @@ class Calibration:
 
 
 def _features(detections: Detections, sides: FloatArray) -> FloatArray:
-    """(N, K, 3): 1, log of the spread as a share of the box, log of the peak."""
+    """(N, K, 3): 1, log of the spread as a fraction of the box, log of the peak."""
     spread = np.log(np.maximum(detections.spread / sides[:, None], 1e-6))
     peak = np.log(np.maximum(detections.peak, 1e-9))
     return np.stack([np.ones_like(spread), spread, peak], axis=-1)

@@ -34,8 +34,9 @@ MOST_TRUNCATION = (0.15, 0.30, 0.50)
 DIFFICULTIES = ("easy", "moderate", "hard")
 """KITTI's levels; each holds those before it."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
-_TOLD_BY_CENTRE = 0.25
-"""An image whose middle is farther from the principal point, as a share of its size, is another camera's."""
+_FARTHEST_CENTRE = 0.25
+"""Largest distance of the principal point from the middle of the image, as a fraction of its size; beyond it
+the calibration belongs to another camera."""
 
 
 @dataclass(frozen=True)
@@ -254,7 +255,7 @@ def _image_size(path: Path) -> tuple[int, int] | None:
 
 def _fits(projection: FloatArray, size: tuple[int, int]) -> bool:
     away = np.abs(projection[:2, 2] / size - 0.5)
-    return bool((away < _TOLD_BY_CENTRE).all())
+    return bool((away < _FARTHEST_CENTRE).all())
 
 
 def _usable(label: KittiLabel, size: tuple[int, int], place: str, skipped: Skips) -> bool:

@@ -1,6 +1,6 @@
 """KITTI's object labels, results, tracking labels and calibration files.
 
-One line an object: type, truncated, occluded, alpha, bbox (4), height, width, length, x, y, z of the bottom
+One line per object: type, truncated, occluded, alpha, bbox (4), height, width, length, x, y, z of the bottom
 centre, rotation_y; metres, radians, frame of camera 0. Results add a score, tracking labels begin with frame
 and track. Where the development kits write -1, -10 or -1000 for what is not known, so do these.
 """

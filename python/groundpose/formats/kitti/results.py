@@ -1,6 +1,6 @@
 """KITTI's object result format.
 
-One line an object: type, truncated, occluded, alpha, bbox (4), height, width, length, x, y, z of the
+One line per object: type, truncated, occluded, alpha, bbox (4), height, width, length, x, y, z of the
 bottom centre, rotation_y, score; metres, radians, camera frame. What is not known has the values
 KITTI's development kit gives for it: -1, -10 for angles, -1000 for a position. So line i is object i,
 and an object without an answer keeps its 2D box but has no pose.
@@ -39,7 +39,7 @@ def results(
     scores: ArrayLike | None = None,
     offset: ArrayLike = (0, 0, 0),
 ) -> list[KittiLabel]:
-    """The batch as KITTI's results, one an object.
+    """The batch as KITTI's results, one per object.
 
     Args:
         poses: the poses.
@@ -54,13 +54,13 @@ def results(
     types = ["_".join(text("names", name).split()) or "Car" for name in names]
     if scores is None:
         seen = np.isfinite(poses.residuals).sum(axis=1)
-        shares = poses.inlier_count / np.maximum(seen, 1)
+        fractions = poses.inlier_count / np.maximum(seen, 1)
     else:
-        shares = shaped("scores", scores, (len(poses),))
+        fractions = shaped("scores", scores, (len(poses),))
     places, boxes = bottom_centres(poses) - shaped("offset", offset, (3,)), poses.bboxes
     return [
-        _result(poses, i, name, float(share), places[i], boxes[i])
-        for i, (name, share) in enumerate(zip(types, shares, strict=True))
+        _result(poses, i, name, float(fraction), places[i], boxes[i])
+        for i, (name, fraction) in enumerate(zip(types, fractions, strict=True))
     ]
 
 
