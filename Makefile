@@ -3,6 +3,7 @@
 #   make test    all tests, lints, type checks and documentation examples
 # `make test-kernels` repeats the tests of numbers on other BLAS kernels and vector units of NumPy.
 # `make test-train` adds the tests of training and export (PyTorch, several GB).
+# `make docs` builds the documentation site.
 # `make results` measures again what docs/results.md says (half an hour on a quiet machine),
 # `make bench` what docs/performance.md says (a quarter of an hour), `make bench-compare` whether anything got slower.
 
@@ -17,7 +18,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src -name '*.r
 # boards without an operating system on which the crate is tried, where the toolchain and QEMU are there
 BARE_METAL := thumbv7em-none-eabihf aarch64-unknown-none
 
-.PHONY: demo test test-rust test-python test-kernels test-train lint results bench bench-compare package wheel clean
+.PHONY: demo test test-rust test-python test-kernels test-train lint docs results bench bench-compare package wheel clean
 
 demo: $(VENV)/installed
 	$(BIN)/groundpose demo
@@ -64,6 +65,11 @@ test-kernels: $(VENV)/installed-dev
 test-train: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[train]'
 	$(BIN)/pytest --quiet tests/python/test_training.py tests/python/test_training_streets.py tests/python/test_networks_measured.py
+
+# the documentation site in target/site: notebooks are run, a broken link or any other warning fails
+docs: $(VENV)/installed
+	$(BIN)/pip install --quiet --editable '.[docs]'
+	PATH="$(CURDIR)/$(BIN):$$PATH" NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 results: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[rivals]'

@@ -31,7 +31,8 @@ STATUS: list[str]
 STOP_REASONS: list[str]
 SOLVERS: list[str]
 
-class InputError(ValueError): ...
+class InputError(ValueError):
+    """A mistake in an argument. The message says which one, what was expected and what was given."""
 
 @final
 class Camera:

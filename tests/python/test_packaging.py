@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from importlib.metadata import version
+from pathlib import Path
 
 import groundpose
 import pytest
@@ -34,3 +35,8 @@ def test_what_is_heavy_comes_with_the_pipeline():
 
 def test_version_is_that_of_the_installed_package():
     assert groundpose.__version__ == version("groundpose") == groundpose.build_info()["version"]
+
+
+def test_the_citation_is_of_this_version():
+    citation = (Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {groundpose.__version__}\n" in citation

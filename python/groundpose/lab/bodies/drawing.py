@@ -132,17 +132,12 @@ def _fill(shade: FloatArray, depth: FloatArray, corners: FloatArray, z: FloatArr
 
 
 def main(folder: Path = FOLDER) -> None:
-    """Write `keypoints_KIND.png` and `.svg`."""
-    import matplotlib
-
+    """Write `keypoints_KIND.png`."""
     folder.mkdir(parents=True, exist_ok=True)
-    with matplotlib.rc_context({"svg.hashsalt": "groundpose"}):
-        for kind in KINDS:
-            figure = draw_keypoints(kind)
-            for suffix in ("png", "svg"):
-                path = folder / f"keypoints_{kind}.{suffix}"
-                figure.savefig(path, dpi=110, metadata={"Date": None} if suffix == "svg" else None)
-                print(path)
+    for kind in KINDS:
+        path = folder / f"keypoints_{kind}.png"
+        draw_keypoints(kind).savefig(path, dpi=110)
+        print(path)
 
 
 if __name__ == "__main__":

@@ -38,13 +38,14 @@ def machine() -> str:
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Readable, stable JSON: numbers to 6 digits, so that a rerun shows only what changed.
+    """Readable, stable JSON: numbers to 6 digits and a line for each innermost object or list, so that a
+    rerun shows only what changed.
 
     The path of the real data, if GROUNDPOSE_DATA names it, is written as `$GROUNDPOSE_DATA`: it is another
     one on every machine.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(_portable(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(_text(_portable(content)) + "\n", encoding="utf-8")
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -53,6 +54,18 @@ def read_json(path: Path) -> dict[str, Any]:
         return {}
     content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return content
+
+
+def _text(value: Any, indent: str = "\n") -> str:
+    """JSON whose lines are the members of what has members that have members."""
+    members = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    if not any(isinstance(member, (dict, list)) for member in members):
+        return json.dumps(value, ensure_ascii=False)
+    deeper = indent + " "
+    if isinstance(value, dict):
+        lines = [f"{json.dumps(key, ensure_ascii=False)}: {_text(value[key], deeper)}" for key in value]
+        return f"{{{deeper}{f',{deeper}'.join(lines)}{indent}}}"
+    return f"[{deeper}{f',{deeper}'.join(_text(member, deeper) for member in value)}{indent}]"
 
 
 def _portable(value: Any) -> Any:

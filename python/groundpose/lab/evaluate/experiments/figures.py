@@ -11,11 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -204,7 +201,7 @@ def _log_axis(axes: Axes) -> None:
 
 
 def write(results: Results, folder: Path, names: Sequence[str] = tuple(FIGURES)) -> list[Path]:
-    """Figures for both outlier models as SVG and PNG; equal results give equal files."""
+    """Figures for both outlier models as PNG; equal results give equal files."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name in names:
@@ -213,13 +210,7 @@ def write(results: Results, folder: Path, names: Sequence[str] = tuple(FIGURES))
             continue
         for outliers in OUTLIERS:
             figure = draw(results, title, rows, styles, outliers)
-            path = folder / f"{name}_{outliers}"
-            with matplotlib.rc_context({"svg.hashsalt": "groundpose", "svg.fonttype": "none"}):
-                FigureCanvasSVG(figure)
-                figure.draw_without_rendering()
-                figure.set_layout_engine("none")  # found once, for both files
-                figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
-            FigureCanvasAgg(figure)
-            figure.savefig(path.with_suffix(".png"), dpi=90, metadata={"Software": None})
-            written += [path.with_suffix(".svg"), path.with_suffix(".png")]
+            path = folder / f"{name}_{outliers}.png"
+            figure.savefig(path, dpi=90, metadata={"Software": None})
+            written.append(path)
     return written

@@ -72,7 +72,7 @@ def write(results: Results, page: Path = PAGE, figures: Path = FIGURES) -> Path:
     """Render and store; figures are drawn before."""
     page.parent.mkdir(parents=True, exist_ok=True)
     names = ("fig4_paper", "fig4_today", "fig5")
-    found = [figures / f"{name}_{outliers}.svg" for name in names for outliers in OUTLIERS]
+    found = [figures / f"{name}_{outliers}.png" for name in names for outliers in OUTLIERS]
     page.write_text(render(results, [path for path in found if path.exists()]), encoding="utf-8")
     return page
 
