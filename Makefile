@@ -73,15 +73,15 @@ docs: $(VENV)/installed
 
 results: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[rivals]'
-	# a bar that is not met is a result, not a failure of make
-	-$(BIN)/python -m groundpose.lab.evaluate.bars
-	-$(BIN)/python -m groundpose.lab.evaluate.bars --seed 1 --only v1,e1,e1-90,e1-tilt,chance --out results/solver_seed1.json
-	$(BIN)/python -m groundpose.lab.evaluate.real
+	# a target that is not met is a result, not a failure of make
+	-$(BIN)/groundpose evaluate targets
+	-$(BIN)/groundpose evaluate targets --seed 1 --only v1,e1,e1-90,e1-tilt,chance --out results/solver_seed1.json
+	$(BIN)/groundpose evaluate real
 
 bench: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[rivals]'
 	$(BIN)/groundpose bench --instructions --native --fresh -o results/bench.json --figure docs/performance.png --save-baseline results/bench_baseline.json
-	$(BIN)/python -m groundpose.lab.bench.page
+	$(BIN)/groundpose evaluate pages
 
 bench-compare: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[rivals]'

@@ -104,7 +104,7 @@ fn main() {
                     "{{\"setting\": \"{setting}\", \"work\": \"{name}\", \"objects\": {count}, \
                      \"keypoints\": {keypoints}, \"draws\": {draws}, \"hypotheses\": {hypotheses}, \
                      \"steps\": {steps}, \"allocations\": {allocations}, \"median e_t\": {error:e}, \
-                     \"us an object\": {microseconds:.4}}}"
+                     \"us per object\": {microseconds:.4}}}"
                 );
             }
         });

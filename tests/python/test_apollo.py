@@ -12,6 +12,10 @@ from groundpose.formats.apollo import CAMERAS, OURS_FROM_APOLLO, ApolloSet, read
 from groundpose.formats.kitti.dataset import KittiSet
 from groundpose.formats.kitti.table import KittiTable
 from groundpose.formats.skips import Skips
+from groundpose.lab.contenders.libraries import POSELIB_TUNED, Library
+from groundpose.lab.contenders.own import DEFAULT
+from groundpose.lab.contenders.registry import contenders
+from groundpose.lab.contenders.use import at_threshold
 from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import real
 from groundpose.lab.evaluate.kitti.bench import make_folder
@@ -129,8 +133,9 @@ def test_other_folders_models_and_cameras_are_refused(tmp_path):
 
 
 def test_the_command_on_the_public_layout(tmp_path, monkeypatch):
-    monkeypatch.setattr(real, "RIVALS", ())  # they take their time
-    monkeypatch.setattr(real, "KINDER", ())
+    ours = tuple(one for one in contenders("real") if not isinstance(one, Library))
+    monkeypatch.setattr(real, "contenders", lambda where: ours)  # libraries take their time
+    monkeypatch.setattr(real, "kinder", lambda scored: ())
     for k in range(4):
         write_image(tmp_path, POSES, f"18_{k}_Camera_5", noise=3.0)
     (tmp_path / "car_poses" / "18_9_Camera_5.json").write_text("{")
@@ -168,18 +173,14 @@ def test_a_frames_tilt_is_worth_its_time_on_real_roads():
 
 
 def test_ours_is_at_or_below_poselib_on_the_development_cars():
-    from groundpose.lab.evaluate.methods import DEFAULT
-    from groundpose.lab.evaluate.real import RealMethod, our_line, rival_line
-    from groundpose.lab.evaluate.rivals import POSELIB_TUNED
-
     if reason := POSELIB_TUNED.missing():
         pytest.skip(reason)
     folder = folder_with("apollo_cars_dev.npz")
     for known in (True, False):
         objects = apollo(folder, known)
-        ours = our_line(objects, RealMethod(DEFAULT))
+        ours = real.line_of(objects, DEFAULT)
         for factor in (1.0, 4.0):
-            theirs = rival_line(objects, POSELIB_TUNED, threshold_factor=factor)
+            theirs = real.line_of(objects, at_threshold(POSELIB_TUNED, factor))
             assert ours["median e_r deg"] < theirs["median e_r deg"]
             assert ours["above 15 deg %"] < theirs["above 15 deg %"]
 
@@ -191,6 +192,7 @@ def test_tilt_needs_to_know_the_images():
         keypoints_2d=np.zeros((1, 66, 2)),
         keypoint_scores=None,
         bboxes=np.zeros((1, 4)),
+        inlier_threshold=np.ones(1),
         models=[gp.ShapeModel(LIBRARY[0])],
         R=np.eye(3)[None],
         t=np.zeros((1, 3)),

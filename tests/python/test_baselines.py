@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from groundpose.lab.evaluate.baselines import aspnp, eppnp, gauss_newton, opnp, reppnp, rpnp
-from groundpose.lab.evaluate.baselines.geometry import Pose, align, turn_between
-from groundpose.lab.evaluate.baselines.quaternion import STARTS, rotation_entries
+from groundpose.lab.contenders.baselines import aspnp, eppnp, gauss_newton, opnp, reppnp, rpnp
+from groundpose.lab.contenders.baselines.geometry import Pose, align, turn_between
+from groundpose.lab.contenders.baselines.quaternion import STARTS, rotation_entries
 from groundpose.lab.metrics import rotation_error_deg, translation_error_percent
 
 FOCAL = 800.0

@@ -10,10 +10,11 @@ from groundpose import InputError
 from groundpose.cli.main import app
 from groundpose.lab.bench import cases, races, run, scenes, sources, special
 from groundpose.lab.bench.cases import Case
-from groundpose.lab.bench.contenders import DEFAULT, LIBRARIES, TO_BEAT, Contender
 from groundpose.lab.bench.races import QUICK, Effort, Race, WrongAnswer
+from groundpose.lab.contenders.contender import Answers
+from groundpose.lab.contenders.registry import DEFAULT, TO_BEAT, others
 from groundpose.lab.evaluate.scenes import generate
-from groundpose.lab.evaluate.timing import in_chunks, median_interval
+from groundpose.lab.timing import in_chunks, median_interval
 from typer.testing import CliRunner
 
 FEW = Effort(objects=40, rounds=10, fewest=7, seconds=1.0, chunk_seconds=0.5)
@@ -24,29 +25,35 @@ def quiet(text: str) -> None:
 
 
 class StandIn:
-    """A contender whose clock says what it is told to, with the right or wrong poses."""
+    """A contender that needs the time that it is told to, with the right or wrong poses."""
 
-    def __init__(self, name: str, us: float, right: bool = True, **more) -> None:
+    note = ""
+    weighs_scores = False
+
+    def __init__(
+        self, name: str, us: float, right: bool = True, missing: str | None = None, slow: bool = False
+    ) -> None:
         self.turns: list[int] = []
         self.log: list[str] = []
         self.name, self.us, self.right = name, us, right
-        self.contender = Contender(name, "", self.seconds, self.answer, **more)
+        self.slow_with_outliers, self._missing = slow, missing
 
-    def seconds(self, objects) -> float:
+    def missing(self) -> str | None:
+        return self._missing
+
+    def solve(self, objects, clock) -> Answers:
         self.turns.append(len(objects))
         self.log.append(self.name)
         mood = 1.0 + 0.5 * (len(self.turns) % 3)  # the machine's, the same for all
-        return 1e-6 * self.us * mood * len(objects)
-
-    def answer(self, objects):
-        return objects.R if self.right else -objects.R, objects.t
+        clock.seconds += 1e-6 * self.us * mood * len(objects)
+        return Answers(objects.R if self.right else -objects.R, objects.t, np.zeros(len(objects)))
 
 
 def race(ours: StandIn, *others: StandIn, **more) -> Race:
     def make(trials, seed):
         return generate("vehicle", trials, seed=seed)
 
-    return Race("v", "g", 1, "label", make, ours.contender, tuple(o.contender for o in others), 10, **more)
+    return Race("v", "g", 1, "label", make, ours, others, 10, **more)
 
 
 def test_a_race_tells_the_ratio_of_turns_on_the_same_objects():
@@ -77,7 +84,7 @@ def test_our_wrong_poses_are_never_timed():
 
 def test_who_is_left_out_and_why():
     wrong, absent = StandIn("wrong", 1.0, right=False), StandIn("absent", 1.0, missing="it is not installed")
-    slow = StandIn("slow", 1.0, slow_with_outliers=True)
+    slow = StandIn("slow", 1.0, slow=True)
     found = race(StandIn("ours", 10.0), wrong, absent, slow, outlier_ratio=0.8).run(FEW, quiet)
     assert [line["method"] for line in found["lines"]] == ["ours"]
     assert found["left out"]["wrong"] == "fails on 100 % of 40"
@@ -122,7 +129,7 @@ def test_the_table_of_cases():
     assert cases.chosen("machine", native=True)[-1].id == "native"
     with pytest.raises(ValueError, match="got 'nonsense'"):
         cases.chosen("nonsense")
-    assert LIBRARIES[0].name == TO_BEAT
+    assert others("bench")[0].name == TO_BEAT
 
 
 def test_cars_have_the_shape_and_the_pose_they_say():
@@ -135,21 +142,21 @@ def test_cars_have_the_shape_and_the_pose_they_say():
         errors = np.linalg.norm(pixels - objects.keypoints_2d[k], axis=1)
         assert np.median(errors[objects.inlier_truth[k]]) < objects.inlier_threshold[k]
         assert 0.2 - 0.02 <= np.mean(~objects.inlier_truth[k]) <= 0.5 + 0.02
-        mean = objects.model.keypoints_3d
-        modes = objects.model.basis.reshape(5, -1)
+        mean = objects.models[k].keypoints_3d
+        modes = objects.models[k].basis.reshape(5, -1)
         residual = (objects.keypoints_3d[k] - mean).ravel()
         assert np.allclose(residual, modes.T @ (modes @ residual), atol=1e-9)  # within the model
     again = scenes.cars(5, 6, seed=3)
     assert np.array_equal(again.keypoints_2d, objects.keypoints_2d)
-    assert objects[2:4].model is objects.model
+    assert objects[2:4].models[0] is objects.models[0]
     assert len(in_chunks(objects, 2)) == 3
 
 
 def test_overhead_is_what_is_left_of_a_call_without_work():
     found = special.overhead(QUICK, quiet)
-    assert found["us an object"]["median"] < found["us of whole calls"]["1"]
-    assert found["bytes an object"]["in"] > 28 * 16
-    assert found["bytes an object"]["out"] > 8 * (9 + 3 + 36)
+    assert found["us per object"]["median"] < found["us of whole calls"]["1"]
+    assert found["bytes per object"]["in"] > 28 * 16
+    assert found["bytes per object"]["out"] > 8 * (9 + 3 + 36)
 
 
 def test_core_speed_is_plausible():
@@ -248,7 +255,7 @@ def measured(tmp_path_factory) -> Path:
     out, kept = folder / "bench.json", folder / "baseline.json"
     done = bench("--quick", "--only", "batch/10,overhead", "-o", out, "--save-baseline", kept)
     assert done.exit_code == 0, done.output
-    for told in (DEFAULT, "us an object", f"Numbers: {out}", f"Picture: {folder / 'bench.png'}"):
+    for told in (DEFAULT, "us per object", f"Numbers: {out}", f"Picture: {folder / 'bench.png'}"):
         assert told in done.output
     return folder
 

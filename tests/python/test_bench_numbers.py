@@ -1,4 +1,4 @@
-"""What is made of stored numbers: baseline, bars, stages, figure, page."""
+"""What is made of stored numbers: baseline, targets, stages, figure, page."""
 
 import copy
 import json
@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 from groundpose import InputError
-from groundpose.lab.bench import bars, baseline, figure, page, stages, tell
+from groundpose.lab.bench import baseline, figure, page, stages, targets, tell
 from groundpose.lab.bench.baseline import BETTER, GONE, LOST, SAME, UNSURE
 from groundpose.lab.bench.cases import BATCHES, KEYPOINTS, PERCENTS, TWO_THREADS
-from groundpose.lab.bench.contenders import DEFAULT, TO_BEAT
+from groundpose.lab.contenders.registry import DEFAULT, TO_BEAT
 from groundpose.lab.evaluate import report
 
 ROOT = Path(__file__).parents[2]
@@ -67,7 +67,7 @@ ROWS = [
         "hypotheses": 10 * hypotheses,
         "steps": 10 * steps,
         "allocations": 0,
-        "us an object": count / 2000,
+        "us per object": count / 2000,
         "instructions": 10 * count,
     }
     for work, (draws, hypotheses, steps, count) in WORKS.items()
@@ -95,9 +95,9 @@ def content() -> dict:
     }
     found["overhead"] = {
         "group": "overhead",
-        "us a call": {"median": 12.0},
-        "us an object": {"median": 0.2},
-        "bytes an object": {"in": 1000.0, "out": 1000.0},
+        "us per call": {"median": 12.0},
+        "us per object": {"median": 0.2},
+        "bytes per object": {"in": 1000.0, "out": 1000.0},
     }
     found["instructions"] = {"group": "instructions", "toolchain": "rustc 1", "rows": copy.deepcopy(ROWS)}
     found["native"] = {"group": "native", "settings": {"V1": {"ratio": 1.05}, "E1": {"ratio": 0.99}}}
@@ -106,7 +106,7 @@ def content() -> dict:
         "quick": False,
         "machine": "some",
         "versions": {"python": "3"},
-        "rivals": {"PoseLib": "x"},
+        "libraries": {"PoseLib": "x"},
     }
     return {**setup, "cases": found, "pending": []}
 
@@ -124,15 +124,15 @@ def test_the_same_run_has_lost_nothing(content, tmp_path):
     baseline.save(content, path)
     found = verdicts(content, baseline.read(path))
     assert set(found.values()) == {SAME}
-    assert ("instructions an object" in {what for _, what in found}) is True
+    assert ("instructions per object" in {what for _, what in found}) is True
 
 
 @pytest.mark.parametrize(
     ("slower", "spread", "verdict"),
     [
-        (1.05, 0.01, SAME),  # within the bar
+        (1.05, 0.01, SAME),  # within the limit
         (1.20, 0.02, LOST),
-        (1.12, 0.05, UNSURE),  # the interval reaches below the bar
+        (1.12, 0.05, UNSURE),  # the interval reaches below the limit
         (1.20, 0.15, UNSURE),
         (0.80, 0.02, BETTER),
         (0.80, 0.30, SAME),
@@ -166,7 +166,7 @@ def test_more_instructions_are_a_loss(content):
     before = baseline.of(content)
     content["cases"]["instructions"]["rows"][5]["instructions"] *= 2
     found = verdicts(content, before, {"instructions"})
-    assert found["vehicle: search + hre", "instructions an object"] == LOST
+    assert found["vehicle: search + hre", "instructions per object"] == LOST
     assert list(found.values()).count(SAME) == len(WORKS) - 1
 
 
@@ -203,11 +203,11 @@ def test_the_table_tells_what_changed(content):
     assert table.row_count == 1
 
 
-# ---- bars
+# ---- targets
 
 
-def test_bars_are_met_or_not_or_not_measured(content):
-    found = {(each["measure"], each["what"]): each for each in bars.table(content["cases"])}
+def test_targets_are_met_or_not_or_not_measured(content):
+    found = {(each["measure"], each["what"]): each for each in targets.table(content["cases"])}
     values = {what: each["value"] for (_, what), each in found.items()}
     assert values[f"{TO_BEAT} / ours"] == "6 x"
     assert values["one thread / two, 10,000 objects"] == "1.95 x"
@@ -215,16 +215,16 @@ def test_bars_are_met_or_not_or_not_measured(content):
     assert all(each["met"] for (_, what), each in found.items() if what != "failures")
     content["cases"]["vehicles"]["lines"][1]["times ours"] = 4.9
     del content["cases"]["native"]
-    lines = bars.table(content["cases"])
+    lines = targets.table(content["cases"])
     assert lines[0]["met"] is False
     native = next(each for each in lines if each["measure"].startswith("wheel"))
     assert (native["value"], native["met"]) == ("not measured", None)
-    assert bars.table({})[0]["value"] == "not measured"
+    assert targets.table({})[0]["value"] == "not measured"
 
 
 def test_growth_is_told_by_its_exponent():
     cases = {f"k/{n}": case("k", n, 0.01 * n**2) for n in (10, 100)}
-    assert bars.growth(cases, "k", (10, 100)) == pytest.approx(2.0)
+    assert targets.growth(cases, "k", (10, 100)) == pytest.approx(2.0)
 
 
 # ---- stages
@@ -272,7 +272,7 @@ def test_the_figure_has_every_contender_and_says_what_is_missing(content, tmp_pa
 def test_every_case_has_a_table(content):
     for name, one in content["cases"].items():
         assert tell.result(name, one).row_count > 0
-    assert tell.bar_table(content["cases"]).row_count == len(bars.BARS)
+    assert tell.target_table(content["cases"]).row_count == len(targets.VALUES)
 
 
 def marks(body: str = "old") -> str:
@@ -300,7 +300,7 @@ def test_the_committed_page_is_made_from_the_committed_numbers():
     if not stored.exists():
         pytest.skip(f"no {page.RESULTS}")
     text = (ROOT / page.PAGE).read_text("utf-8")
-    assert page.filled(text, report.read_json(stored)) == text, "python -m groundpose.lab.bench.page"
+    assert page.filled(text, report.read_json(stored)) == text, "groundpose evaluate pages"
 
 
 def test_the_committed_baseline_is_one():

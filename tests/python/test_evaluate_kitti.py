@@ -315,7 +315,7 @@ def test_the_network_looks_at_the_image(tmp_path):
     content, _ = run(Worker(KittiSet(REAL), Task(), source), tmp_path / "n.json", limit=2)
     assert content["frames"] == {"done": 2, "left out": 0}
     assert content["objects"] > 0
-    assert content["keypoints, us a box"] > 0.0
+    assert content["keypoints, us per box"] > 0.0
     again, _ = run(Worker(KittiSet(REAL), Task(), source), tmp_path / "m.json", limit=2, jobs=2)
     assert again["methods"][0]["by difficulty"] == content["methods"][0]["by difficulty"]
 

@@ -15,7 +15,6 @@ from groundpose.lab.evaluate.kitti import page
 from groundpose.lab.evaluate.kitti.bench import make_folder
 from groundpose.lab.evaluate.kitti.frame import Task
 from groundpose.lab.evaluate.kitti.keypoints import Simulated
-from groundpose.lab.evaluate.kitti.methods import METHODS
 from groundpose.lab.evaluate.kitti.run import Worker, run
 from PIL import Image
 from typer.testing import CliRunner
@@ -91,11 +90,6 @@ def test_the_same_run_gives_the_same_page(tmp_path):
     content, _ = run(worker, tmp_path / "c.json")
     first = page.write(content, worker, tmp_path / "one").read_text()
     assert page.write(content, worker, tmp_path / "two").read_text() == first
-
-
-def test_every_method_has_a_colour_of_its_own():
-    assert set(page._STYLES) == set(METHODS)
-    assert len(set(page._STYLES.values())) == len(METHODS)
 
 
 def test_pictures_of_real_frames(tmp_path):

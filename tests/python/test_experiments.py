@@ -7,6 +7,7 @@ from pathlib import Path
 import groundpose.cli.main as cli
 import numpy as np
 import pytest
+from groundpose.lab.contenders.registry import contenders
 from groundpose.lab.evaluate.experiments import compare, entry, figures, page, run, settings, store
 from groundpose.lab.evaluate.experiments.series import Results
 from typer.testing import CliRunner
@@ -38,21 +39,21 @@ def test_settings_are_those_of_the_paper() -> None:
 
 def test_every_method_of_the_paper_takes_part() -> None:
     pytest.importorskip("cv2")
-    names = set(entry.methods_of("E1"))
+    names = set(entry.contenders_of("E1"))
     polish = ["", "+GN", "+EPnP+GN", "+RPnP", "+ASPnP", "+OPnP+N", "+EPPnP"]
     assert names >= {search + p for search in ("RNSC-P1P", "RNSC-P3P", "REPPnP") for p in polish}
     assert names >= {"RNSC-P1P+HRE", "ours, default", "ours, no priors", "oracle 6-DoF", "oracle 4-DoF"}
-    assert set(entry.methods_of("HRE")) >= {"RNSC-P1P+HRE", "RNSC-P1P+GN"}
+    assert set(entry.contenders_of("HRE")) >= {"RNSC-P1P+HRE", "RNSC-P1P+GN"}
 
 
-@pytest.mark.parametrize("name", [f.name for f in entry.FAMILIES])
-def test_every_family_answers_an_easy_setting(name: str) -> None:
-    family = entry.family(name)
-    if not family.methods():
-        pytest.skip(f"{name} is not installed")
+@pytest.mark.parametrize("group", {entry.group_of(one): None for one in contenders("E1")})
+def test_everybody_answers_an_easy_setting(group: str) -> None:
+    names = [name for name, one in entry.everywhere().items() if entry.group_of(one) == group]
+    if not names:
+        pytest.skip(f"{group} is not installed")
     easy = replace(settings.E1[0], options={"outlier_ratio": 0.1, "n_points": 100})
-    measured = run.measure(run.Task(easy, name, list(family.methods())), trials=4, seed=0)
-    assert set(measured.numbers) == set(family.methods())
+    measured = run.measure(run.Task(easy, group, names), trials=4, seed=0)
+    assert set(measured.numbers) == set(names)
     for method, numbers in measured.numbers.items():
         assert numbers["answered"] == 1.0, method
         assert numbers["mean_e_r_deg"] < 6.0, method
@@ -77,7 +78,7 @@ def test_a_finished_method_is_not_run_again(
     assert run.tasks(before, run.select("quick", FAST)) == []
     before.forget(["RNSC-P1P+GN"])
     left = run.tasks(before, run.select("quick", FAST))
-    assert {(task.family, *task.methods) for task in left} == {("RNSC-P1P", "RNSC-P1P+GN")}
+    assert {(task.group, *task.methods) for task in left} == {("RNSC-P1P+GN", "RNSC-P1P+GN")}
     assert len(left) == len(settings.QUICK)
     monkeypatch.setattr(run, "ProcessPoolExecutor", None)  # would fail if anything was left to do
     after = run.run("quick", 6, 0, tmp_path, FAST)
@@ -170,8 +171,8 @@ def test_every_method_in_a_figure_exists() -> None:
     pytest.importorskip("cv2")
     pytest.importorskip("poselib")
     pytest.importorskip("pycolmap")
-    known = set(entry.methods_of("E1"))
-    drawn = {name for _, _, styles in figures.FIGURES.values() for name in styles}
+    known = set(entry.contenders_of("E1"))
+    drawn = {name for figure in figures.FIGURES for name in figures.drawn(figure)}
     assert drawn <= known
     left_out = known - drawn
     assert left_out == {"RNSC-P3P+HRE"}, "equal to RNSC-P1P+HRE; in the tables"
@@ -209,7 +210,7 @@ def test_the_command_runs_an_experiment(tmp_path: Path, monkeypatch: pytest.Monk
 def test_nothing_is_worse_than_the_committed_baseline(tmp_path: Path) -> None:
     """Accuracy of a few settings; times are printed by `groundpose experiment compare`, not asserted."""
     before = store.Store.read(BASELINE / "quick.json")
-    methods = [m for m in before.methods if m in entry.methods_of("quick")]
+    methods = [m for m in before.methods if m in entry.contenders_of("quick")]
     after = run.run("quick", before.trials, before.seed, tmp_path, methods)
     worse = [d for d in compare.compare(before, after) if d.worse and not d.what.startswith("time")]
     assert worse == []

@@ -18,9 +18,12 @@ ROOMS = (
         "lab",
         "lab.data",
         "lab.metrics",
+        "lab.timing",
+        "lab.targets",
         "lab.bodies",
         "lab.drive",
         "lab.training",
+        "lab.contenders",
         "lab.evaluate",
         "lab.bench",
     ),
@@ -35,7 +38,7 @@ DOORS = {
     ): "vehicles.body and its like: public names whose code only the laboratory needs",
 }
 # Commands of the laboratory: they import what they run inside the command.
-COMMANDS = ("simulate", "train", "bench", "experiment", "evaluate", "evaluate_sets")
+COMMANDS = ("simulate", "train", "bench", "experiment", "evaluate", "evaluate_sets", "evaluate_lab")
 
 
 def name_of(path: Path) -> str:

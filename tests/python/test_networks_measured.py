@@ -9,8 +9,9 @@ from groundpose.keypoints.codec import Codec
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.lab.drive.render import Renderer
 from groundpose.lab.evaluate.networks import page, poses
-from groundpose.lab.evaluate.simulated.contest import contestants
 from groundpose.lab.evaluate.simulated.errors import Errors
+from groundpose.lab.evaluate.simulated.run import everybody
+from groundpose.lab.timing import Clock
 from groundpose.lab.training.crops import Crops, write_crops
 from groundpose.lab.training.rendered import rendered_samples
 from groundpose.vehicles import KINDS
@@ -50,10 +51,11 @@ def test_true_keypoints_give_the_true_poses(crops):
     objects, rows = poses._truth(crops)
     assert len(objects) > 5
     same = crops.of(rows, objects.seen.bboxes)
-    given = poses.detected(KnowsAll(same), crops, "G1", "true boxes", 0)
+    given, _ = poses.detected(KnowsAll(same), crops, "G1", "true boxes", 0)
     np.testing.assert_allclose(given.keypoints_2d, objects.seen.keypoints_2d, atol=1e-3)
-    ours = next(c for c in contestants("G1") if c.name == "ours, default, scores as weights")
-    assert np.median(Errors.of(objects, ours(given)).e_r_deg) < 0.1
+    ours = next(c for c in everybody("G1") if c.name == "ours, default, scores as weights")
+    errors = Errors.of(objects, ours.solve(given, Clock()), given.shapes())
+    assert np.median(errors.e_r_deg) < 0.1
 
 
 def test_crops_as_if_other_boxes_had_been_found(crops):

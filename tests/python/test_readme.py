@@ -31,7 +31,7 @@ def test_readme_table_is_what_was_measured():
 
     solver = report.read_json(README.parent / report.SOLVER_JSON)
     text = README.read_text(encoding="utf-8")
-    assert report.with_headline(text, solver) == text, "run: python -m groundpose.lab.evaluate.bars"
+    assert report.with_headline(text, solver) == text, "run: groundpose evaluate pages"
 
 
 def test_package_docstring_runs():

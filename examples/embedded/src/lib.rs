@@ -7,7 +7,8 @@ pub mod classes;
 pub mod frame;
 
 use groundpose::{
-    Bbox, Camera, Estimate, EstimateError, Estimator, InputError, NoPose, Observation, Options, ShapeModel, Tilt, View, Workspace,
+    Bbox, Camera, Estimate, EstimateError, Estimator, InputError, NoPose, Observation, Options, ShapeModel, Tilt, View,
+    Workspace,
 };
 
 use classes::Class;

@@ -93,7 +93,7 @@ def _bench(
     except ValueError as error:
         raise TypeError(str(error)) from error  # a usage error: one line and status 2
     content = _measured(out, cases, replace(QUICK if quick else Effort(), seed=seed), fresh)
-    if (table := tell.bar_table(content["cases"])).row_count and not quick:
+    if (table := tell.target_table(content["cases"])).row_count and not quick:
         console().print(table)
     drawing.write(content["cases"], picture)
     typer.echo(f"Numbers: {out.resolve()}")

@@ -11,6 +11,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from groundpose.cli.evaluate_lab import detector, networks, pages, real, shapes, targets
 from groundpose.cli.evaluate_sets import apollo, bar, speed, tilt
 from groundpose.cli.inputs import NetworkFile
 from groundpose.cli.output import complain, console, mistakes
@@ -40,7 +41,7 @@ class Keypoints(str, Enum):
 
 
 class Models(str, Enum):
-    """What is told of a vehicle's shape."""
+    """What is known of a vehicle's shape."""
 
     CLASS = "class"
     SIZED = "sized"
@@ -69,7 +70,7 @@ def kitti(
             "-m",
             "--method",
             help="default, p1p+re, p1p+hre, p3p+re, p3p+hre ([bold]all[/bold]: these), default-cut, "
-            "poselib or poselib-x4; repeat for more.",
+            "poselib or poselib-x4; repeat for more. A wrong name lists all.",
         ),
     ] = None,
     keypoints: Annotated[
@@ -80,7 +81,7 @@ def kitti(
     models: Annotated[
         Models,
         typer.Option(
-            help="Told of simulated ones: the class, with its labelled size, or the rigid mean of that size."
+            help="Known of simulated ones: the class, with its labelled size, or the rigid mean of that size."
         ),
     ] = Models.CLASS,
     kind: Annotated[
@@ -175,9 +176,8 @@ def kitti(
 
 def _methods(given: list[str]) -> tuple[str, ...]:
     """Each name once, `all` for all of our core."""
-    from groundpose.lab.evaluate.kitti.methods import OWN
-
-    return tuple(dict.fromkeys(name for each in given for name in (OWN if each == "all" else (each,))))
+    own = ("default", "p1p+re", "p1p+hre", "p3p+re", "p3p+hre")
+    return tuple(dict.fromkeys(name for each in given for name in (own if each == "all" else (each,))))
 
 
 def _source(
@@ -250,5 +250,5 @@ def figure6(
     typer.echo(f"Picture: {out.resolve()}")
 
 
-for command in (apollo, tilt, speed):
+for command in (apollo, tilt, speed, targets, real, networks, shapes, detector, pages):
     app.command()(command)

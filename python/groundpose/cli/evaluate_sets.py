@@ -32,7 +32,7 @@ def apollo(
     data: Annotated[Path | None, typer.Option(help="Folder of apollo_cars_dev.npz instead of ROOT.")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="JSON file of the numbers.")] = None,
 ) -> None:
-    """ApolloCar3D, hand-labelled keypoints: ours beside other libraries, and ways to tell the tilt.
+    """ApolloCar3D, hand-labelled keypoints: ours beside other libraries, and ways to use the nominal tilt.
 
     [bold]Examples[/bold]
 

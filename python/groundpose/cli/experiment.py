@@ -59,7 +59,7 @@ def experiment(
         Path | None, typer.Option(help="Page to write; its figures go to a folder beside it.")
     ] = None,
 ) -> None:
-    """The paper's experiments with every rival: results, figures and a page.
+    """The paper's experiments with every contender: results, figures and a page.
 
     E1 to E4 and HRE are synthetic. G1 (known models) and G2 (shape models) are on vehicles of the virtual
     drive, with a simulated detector.

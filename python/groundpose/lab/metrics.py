@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from groundpose import Options
+
 Array = npt.NDArray[np.float64]
 
 NO_ANSWER_E_R_DEG = 180.0
@@ -18,7 +20,7 @@ NO_ANSWER_E_T_PERCENT = 100.0
 FAILURE_E_R_DEG = 10.0
 FAILURE_E_T_PERCENT = 10.0
 FAR_OFF_E_R_DEG = 15.0
-RELATIVE_THRESHOLD = 0.0375
+RELATIVE_THRESHOLD = float(Options().relative_threshold)
 """Inlier threshold as a fraction of the longer side of the box (paper, sec. 4.2.2)."""
 
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from groundpose._checks import input_error
-from groundpose.lab.bench.contenders import TO_BEAT
+from groundpose.lab.contenders.registry import TO_BEAT
 from groundpose.lab.evaluate import report
 
 MOST_LOSS = 1.10
@@ -140,4 +140,4 @@ def _count(name: str, before: float, now: float | None) -> Difference:
     if now is None:
         return Difference(name, "instructions", before, None, GONE)
     verdict = LOST if now > MOST_LOSS * before else BETTER if now * MOST_LOSS < before else SAME
-    return Difference(name, "instructions an object", before, now, verdict)
+    return Difference(name, "instructions per object", before, now, verdict)

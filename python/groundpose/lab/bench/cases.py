@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from groundpose.lab.bench import sources, special
-from groundpose.lab.bench.contenders import Contender, libraries, library, own, search
 from groundpose.lab.bench.races import Effort, Race, Tell
 from groundpose.lab.bench.scenes import KEYPOINTS as CAR_KEYPOINTS
 from groundpose.lab.bench.scenes import cars
-from groundpose.lab.evaluate.methods import DEFAULT, HRE_CUBE, HRE_VEHICLE, Method, paper_search
-from groundpose.lab.evaluate.rivals import POSELIB_TUNED
-from groundpose.lab.evaluate.scenes import Scenes, generate
-from groundpose.lab.evaluate.timing import CHUNK
+from groundpose.lab.contenders.contender import Contender
+from groundpose.lab.contenders.libraries import POSELIB_TUNED
+from groundpose.lab.contenders.objects import Objects
+from groundpose.lab.contenders.own import DEFAULT, Own, paper
+from groundpose.lab.contenders.registry import contenders
+from groundpose.lab.evaluate.scenes import generate
+from groundpose.lab.timing import CHUNK
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ GROUPS = {
     "machine": "what one core of this machine can do",
     "vehicles": "V1, the vehicle-like protocol: ours, our core's other searches, every library",
     "keypoints": "cost against the number of keypoints",
-    "outliers": "cost against the share of outliers",
+    "outliers": "cost against the fraction of outliers",
     "shape": "cost against the number of shape modes",
     "batch": "objects of a call, one and two threads",
     "stages": "search, each refinement, covariance",
@@ -53,64 +55,61 @@ TWO_THREADS = "ours, 2 threads"
 # every row has what the rows before it have; solver and covariance as in the first
 _SEARCH: dict[str, Any] = {"solver": "p1p", "covariance": False}
 STAGES = (
-    Method("search alone", "one-point search, no refinement", {**_SEARCH, "refinement": "none"}),
-    Method("search + GN", "", {**_SEARCH, "refinement": "gn"}),
-    Method("search + RE", "", {**_SEARCH, "refinement": "re"}),
-    Method("search + HRE", "", {**_SEARCH, "refinement": "hre"}),
-    Method("default without covariance", "", {"covariance": False}),
+    Own("search alone", "one-point search, no refinement", {**_SEARCH, "refinement": "none"}),
+    Own("search + GN", "", {**_SEARCH, "refinement": "gn"}),
+    Own("search + RE", "", {**_SEARCH, "refinement": "re"}),
+    Own("search + HRE", "", {**_SEARCH, "refinement": "hre"}),
+    Own("default without covariance", "", {"covariance": False}),
+)
+_HRE = paper("p1p", "hre")
+_WITH_PRIOR = replace(
+    _HRE,
+    name="RNSC-P1P+HRE, shape prior",
+    note="as the paper, but coefficients are pulled to zero",
+    options={**_HRE.options, "shape_prior": True},
 )
 
-_WITH_PRIOR = Method(
-    "RNSC-P1P+HRE, shape prior",
-    "as the paper, but coefficients are pulled to zero",
-    {**paper_search("p1p", "hre", HRE_VEHICLE), "shape_prior": True},
-)
 
-
-def _vehicles(trials: int, seed: int) -> Scenes:
+def _vehicles(trials: int, seed: int) -> Objects:
     return generate("vehicle", trials, seed=seed)
 
 
-def _cube(**settings: Any) -> Callable[[int, int], Scenes]:
+def _cube(**settings: Any) -> Callable[[int, int], Objects]:
     return lambda trials, seed: generate("cube", trials, seed=seed, **settings)
 
 
-def _cars(modes: int) -> Callable[[int, int], Scenes]:
+def _cars(modes: int) -> Callable[[int, int], Objects]:
     return lambda trials, seed: cars(modes, trials, seed)
-
-
-def _searches(thresholds: tuple[float, float, float]) -> tuple[Contender, ...]:
-    return tuple(search(solver, thresholds) for solver in ("p1p", "up2p", "p3p"))
 
 
 def races() -> tuple[Race, ...]:
     """Everything that is timed against something else."""
-    ours, others = own(DEFAULT), libraries()
-    on_cubes = (*others, *_searches(HRE_CUBE))
-    on_vehicles = (*others, *_searches(HRE_VEHICLE))
-    to_beat = library(POSELIB_TUNED)
-    stages = tuple(own(method) for method in STAGES)
-    found = [Race("vehicles", "vehicles", 0, "V1", _vehicles, ours, on_vehicles)]
+    others = tuple(one for one in contenders("bench") if one.name != DEFAULT.name)
+    found = [Race("vehicles", "vehicles", 0, "V1", _vehicles, DEFAULT, others)]
     for n in KEYPOINTS:
         scenes = _cube(n_points=n, outlier_ratio=KEYPOINTS_OUTLIERS)
-        found.append(Race(f"keypoints/{n}", "keypoints", n, f"{n} keypoints", scenes, ours, on_cubes))
+        found.append(Race(f"keypoints/{n}", "keypoints", n, f"{n} keypoints", scenes, DEFAULT, others))
     for percent in PERCENTS:
-        share = percent / 100
-        name, scenes, label = f"outliers/{percent}", _cube(outlier_ratio=share), f"E1, {percent} % outliers"
-        found.append(Race(name, "outliers", percent, label, scenes, ours, on_cubes, outlier_ratio=share))
+        ratio = percent / 100
+        name, scenes, label = f"outliers/{percent}", _cube(outlier_ratio=ratio), f"E1, {percent} % outliers"
+        found.append(Race(name, "outliers", percent, label, scenes, DEFAULT, others, outlier_ratio=ratio))
     for m in MODES:
         label = f"{CAR_KEYPOINTS} keypoints, M = {m}"
-        found.append(Race(f"shape/{m}", "shape", m, label, _cars(m), ours, on_vehicles))
-    hre = search("p1p", HRE_VEHICLE)
+        found.append(Race(f"shape/{m}", "shape", m, label, _cars(m), DEFAULT, others))
     label = f"{CAR_KEYPOINTS} keypoints, M = 5, HRE"
-    found.append(Race("hre/5", "shape", 5, label, _cars(5), hre, (to_beat, own(_WITH_PRIOR))))
-    for size in BATCHES:
-        batch = (own(DEFAULT, batch=size), (own(DEFAULT, 2, size, TWO_THREADS), to_beat))
-        label, chunk = f"{size:,} object{'s' * (size > 1)} a call", max(size, CHUNK)
-        found.append(Race(f"batch/{size}", "batch", size, label, _vehicles, *batch, chunk=chunk, whole=True))
-    found.append(Race("stages/0", "stages", 0, "V1", _vehicles, ours, stages))
-    found.append(Race("stages/5", "stages", 5, "V1-like, M = 5", _cars(5), ours, stages))
+    found.append(Race("hre/5", "shape", 5, label, _cars(5), _HRE, (POSELIB_TUNED, _WITH_PRIOR)))
+    found += [_batch(size) for size in BATCHES]
+    found.append(Race("stages/0", "stages", 0, "V1", _vehicles, DEFAULT, STAGES))
+    found.append(Race("stages/5", "stages", 5, "V1-like, M = 5", _cars(5), DEFAULT, STAGES))
     return tuple(found)
+
+
+def _batch(size: int) -> Race:
+    """Calls with so many objects, on one thread and on two."""
+    one = replace(DEFAULT, batch=size)
+    rest: tuple[Contender, ...] = (replace(one, name=TWO_THREADS, threads=2), POSELIB_TUNED)
+    label, chunk = f"{size:,} object{'s' * (size > 1)} per call", max(size, CHUNK)
+    return Race(f"batch/{size}", "batch", size, label, _vehicles, one, rest, chunk=chunk, whole=True)
 
 
 def cases() -> tuple[Case, ...]:

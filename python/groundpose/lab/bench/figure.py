@@ -11,22 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from groundpose.lab.bench.cases import TWO_THREADS
-from groundpose.lab.bench.contenders import DEFAULT
-
-# colours of Okabe and Ito, which colour-blind readers tell apart; ours is the darkest and thickest
-STYLES: dict[str, tuple[str, str, str]] = {
-    DEFAULT: ("#0072b2", "-", "o"),
-    TWO_THREADS: ("#0072b2", "--", "o"),
-    "RNSC-P1P+HRE": ("#56b4e9", "-", "v"),
-    "RNSC-UP2P+HRE": ("#56b4e9", "--", "^"),
-    "RNSC-P3P+HRE": ("#56b4e9", ":", "d"),
-    "PoseLib tuned": ("#d55e00", "-", "s"),
-    "PoseLib": ("#d55e00", "--", "s"),
-    "pycolmap": ("#009e73", "-", "P"),
-    "OpenCV USAC MAGSAC + LM": ("#cc79a7", "-", "X"),
-    "OpenCV SQPNP + LM": ("#cc79a7", "--", "X"),
-}
+from groundpose.lab.contenders.registry import DEFAULT
+from groundpose.lab.contenders.styles import ORANGE, RED, in_legend_order, style_of
 
 
 @dataclass(frozen=True)
@@ -42,7 +28,7 @@ class Panel:
 PANELS = (
     Panel("keypoints (25 % outliers)", "keypoints", "keypoints"),
     Panel("outliers (300 keypoints)", "outliers", "outliers (%)", log=False),
-    Panel("shape modes (28 keypoints; rivals: known shape)", "shape", "modes of our model", log=False),
+    Panel("shape modes (28 keypoints; others: known shape)", "shape", "modes of our model", log=False),
     Panel("objects of a call (V1)", "batch", "objects"),
 )
 
@@ -63,8 +49,8 @@ def draw(cases: dict[str, Any]) -> Figure:
     for axis in axes.flat:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             handles[label] = handle
-    names = [name for name in STYLES if name in handles]
-    above.legend([handles[n] for n in names], names, loc="outside lower center", ncols=4, frameon=False)
+    names = in_legend_order(handles)
+    above.legend([handles[name] for name in names], names, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
@@ -90,12 +76,12 @@ def _curves(axis: Axes, panel: Panel, cases: dict[str, Any]) -> None:
     if not found:
         axis.text(0.5, 0.5, "not measured", ha="center", transform=axis.transAxes)
         return
-    for name, (colour, dash, marker) in STYLES.items():
+    methods = dict.fromkeys(line["method"] for case in found for line in case["lines"])
+    for name in methods:
         points = [(c["x"], line["us"]) for c in found for line in c["lines"] if line["method"] == name]
-        if points:
-            width = 2.5 if name == DEFAULT else 1.3
-            x, y = zip(*points, strict=True)
-            axis.plot(x, y, dash, color=colour, marker=marker, ms=5, lw=width, label=name)
+        width = 2.5 if name == DEFAULT else 1.3
+        x, y = zip(*points, strict=True)
+        axis.plot(x, y, **style_of(name).curve(), ms=5, lw=width, label=name)
     axis.set_yscale("log")
     low, high = axis.get_ylim()
     subs = (1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)  # a label or two is too few to read a curve by
@@ -110,7 +96,7 @@ def _curves(axis: Axes, panel: Panel, cases: dict[str, Any]) -> None:
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_xticklabels([f"{tick:,.0f}" for tick in ticks])
     axis.set_xlabel(panel.axis)
-    axis.set_ylabel("time an object (µs)")
+    axis.set_ylabel("time per object (µs)")
 
 
 def _bars(axis: Axes, cases: dict[str, Any]) -> None:
@@ -118,14 +104,13 @@ def _bars(axis: Axes, cases: dict[str, Any]) -> None:
     lines = sorted(cases.get("vehicles", {}).get("lines", []), key=lambda line: -line["us"])
     _plain(axis, "V1, one thread: time and failures")
     for k, line in enumerate(lines):
-        colour = STYLES.get(line["method"], ("#888888", "", ""))[0]
-        axis.barh(k, line["us"], color=colour, height=0.65)
+        axis.barh(k, line["us"], color=style_of(line["method"]).colour, height=0.65)
         axis.text(
             line["us"], k, f"  {line['us']:,.0f} µs, {line['failures %']:.1f} %", va="center", fontsize=9
         )
     axis.set_yticks(range(len(lines)), [line["method"] for line in lines])
     axis.set_xscale("log")
-    axis.set_xlabel("time an object (µs), share of failures")
+    axis.set_xlabel("time per object (µs), percentage of failures")
     axis.grid(False, axis="y")
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
     axis.margins(x=0.4)
@@ -134,9 +119,7 @@ def _bars(axis: Axes, cases: dict[str, Any]) -> None:
 def _stages(axis: Axes, cases: dict[str, Any]) -> None:
     """Cumulative rows, known model and shape side by side."""
     _plain(axis, "our stages, each with the search")
-    drawn = [
-        (f"stages/{m}", label, c) for m, label, c in ((0, "known model", "#0072b2"), (5, "M = 5", "#56b4e9"))
-    ]
+    drawn = [(f"stages/{m}", label, c) for m, label, c in ((0, "known model", RED), (5, "M = 5", ORANGE))]
     for offset, (name, label, colour) in zip((0.2, -0.2), drawn, strict=True):
         lines = cases.get(name, {}).get("lines", [])
         lines = [*lines[1:], *lines[:1]]  # the reference has everything: last
@@ -145,7 +128,7 @@ def _stages(axis: Axes, cases: dict[str, Any]) -> None:
             axis.text(line["us"], k + offset, f"  {line['us']:.3g}", va="center", fontsize=9)
         if lines:
             axis.set_yticks(range(len(lines)), [line["method"] for line in reversed(lines)])
-    axis.set_xlabel("time an object (µs)")
+    axis.set_xlabel("time per object (µs)")
     axis.grid(False, axis="y")
     if axis.get_legend_handles_labels()[0]:
         axis.legend(frameon=False, loc="upper right", fontsize=9)

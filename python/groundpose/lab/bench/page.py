@@ -1,4 +1,4 @@
-"""The numbers of docs/performance.md: `python -m groundpose.lab.bench.page` after `groundpose bench`.
+"""The numbers of docs/performance.md: `groundpose evaluate pages` after `groundpose bench`.
 
 Text is written by hand and holds no measured number; tables stand between marks and are made from
 results/bench.json.
@@ -9,15 +9,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from groundpose._core import InputError
-from groundpose.cli.output import mistakes
-from groundpose.lab.bench import bars, stages
-from groundpose.lab.bench.bars import line
-from groundpose.lab.bench.contenders import DEFAULT, TO_BEAT
+from groundpose.lab.bench import stages, targets
+from groundpose.lab.bench.targets import line
+from groundpose.lab.contenders.registry import DEFAULT, TO_BEAT
 from groundpose.lab.evaluate import report
 
 RESULTS, PAGE = Path("results/bench.json"), Path("docs/performance.md")
@@ -28,9 +25,9 @@ _MARK = "<!-- measured {}: {} -->"
 def made_on(content: dict[str, Any]) -> str:
     """Machine and versions."""
     packages = ", ".join(f"{name} {number}" for name, number in content["versions"].items())
-    rivals = "; ".join(f"{name}: {text}" for name, text in content["rivals"].items())
+    libraries = "; ".join(f"{name}: {text}" for name, text in content["libraries"].items())
     toolchain = content["cases"].get("instructions", {}).get("toolchain", "no instructions counted")
-    return f"{content['machine']}. {packages}, {toolchain}. {rivals}."
+    return f"{content['machine']}. {packages}, {toolchain}. {libraries}."
 
 
 def vehicles(content: dict[str, Any]) -> str:
@@ -39,7 +36,7 @@ def vehicles(content: dict[str, Any]) -> str:
     lines = [
         {
             "method": f"**{each['method']}**" if each["method"] == DEFAULT else each["method"],
-            "time an object, µs": each["us"],
+            "time per object, µs": each["us"],
             "middle half": each["us quartiles"],
             "time / ours": each.get("times ours", 1.0),
             "middle half of turns": each.get("times ours, quartiles"),
@@ -104,7 +101,7 @@ def _stage(stage: dict[str, Any], machine: dict[str, Any]) -> dict[str, Any]:
         bound = min(bound, stage["operations a byte"] * machine["cache GB/s"])
     return {
         "stage": stage["stage"],
-        "µs an object": stage["us"],
+        "µs per object": stage["us"],
         "instructions": f"{stage['instructions']:,.0f}",
         "operations on paper": None if rate is None else f"{stage['operations']:,.0f}",
         "Gop/s": rate,
@@ -115,9 +112,9 @@ def _stage(stage: dict[str, Any], machine: dict[str, Any]) -> dict[str, Any]:
 
 
 def traffic(content: dict[str, Any]) -> str:
-    """Bytes an object at the measured pace."""
+    """Bytes per object at the measured pace."""
     cases = content["cases"]
-    size, us = cases["overhead"]["bytes an object"], line(cases, "batch/10000")["us"]
+    size, us = cases["overhead"]["bytes per object"], line(cases, "batch/10000")["us"]
     rate = 1e-3 * (size["in"] + size["out"]) / us
     lines = [
         {
@@ -158,7 +155,7 @@ ARM = (
 )
 BLOCKS: dict[str, Callable[[dict[str, Any]], str]] = {
     "on": made_on,
-    "bars": lambda content: report.table(bars.table(content["cases"])),
+    "targets": lambda content: report.table(targets.table(content["cases"])),
     "vehicles": vehicles,
     "curves": curves,
     "core": core,
@@ -184,18 +181,11 @@ def filled(page: str, content: dict[str, Any]) -> str:
     return page
 
 
-def main(
-    results: Annotated[Path, typer.Option(help="A run of `groundpose bench`.")] = RESULTS,
-    page: Annotated[Path, typer.Option(help="The page whose tables are made anew.")] = PAGE,
-) -> None:
-    """Make the tables of docs/performance.md from a stored run."""
-    with mistakes():
-        content = report.read_json(results)
-        if not content:
-            raise FileNotFoundError(2, "no such file", str(results))
-        page.write_text(filled(page.read_text("utf-8"), content), "utf-8")
-    typer.echo(f"Page: {page.resolve()}")
-
-
-if __name__ == "__main__":
-    typer.run(main)
+def write_page(root: Path) -> Path | None:
+    """Make the tables of the page anew from the stored run; None when there is none."""
+    content = report.read_json(root / RESULTS)
+    page = root / PAGE
+    if not content:
+        return None
+    page.write_text(filled(page.read_text("utf-8"), content), "utf-8")
+    return page

@@ -5,17 +5,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from groundpose.lab.bench.contenders import Contender
-from groundpose.lab.evaluate.methods import errors
-from groundpose.lab.evaluate.scenes import Array, Scenes
-from groundpose.lab.evaluate.timing import CHUNK, clocked, in_chunks, interleaved, median_interval, quartiles
+from groundpose.lab.contenders.contender import Contender, errors, seconds_of
+from groundpose.lab.contenders.objects import Array, Objects
+from groundpose.lab.timing import CHUNK, Clock, clocked, in_chunks, interleaved, median_interval, quartiles
 
 MOST_FAILURES = 0.5
-"""Share of objects with e_r > 10 deg or e_t > 10 %: whoever fails more often is not timed at all."""
+"""Fraction of objects with e_r > 10 deg or e_t > 10 %: whoever fails more often is not timed at all."""
 
 Tell = Callable[[str], None]
 
@@ -56,7 +56,7 @@ class Race:
     x: float
     """What varies within the group."""
     label: str
-    scenes: Callable[[int, int], Scenes]
+    scenes: Callable[[int, int], Objects]
     """(number of objects, seed) to objects."""
     reference: Contender
     others: tuple[Contender, ...]
@@ -104,33 +104,34 @@ class Race:
 
     def _absent(self, other: Contender) -> str | None:
         if other.slow_with_outliers and self.outlier_ratio >= 0.7:
-            return "needs a fifth of a second and more a call with so many outliers"
-        return other.missing
+            return "needs a fifth of a second and more per call with so many outliers"
+        return other.missing()
 
     def _pair(
-        self, other: Contender | None, scenes: Scenes, size: int, seconds: float, effort: Effort
+        self, other: Contender | None, scenes: Objects, size: int, seconds: float, effort: Effort
     ) -> list[Array]:
-        """Seconds an object of the reference and of the other, turn by turn."""
+        """Seconds per object of the reference and of the other, turn by turn."""
         rounds = int(np.clip(effort.seconds / max(seconds, 1e-9), effort.fewest, effort.rounds))
         chunks = list(itertools.islice(itertools.cycle(in_chunks(scenes, size)), rounds))
-        racing = {"reference": self.reference.seconds} | ({} if other is None else {"other": other.seconds})
-        return list(interleaved(chunks, racing).values())
+        racing = {"reference": self.reference} | ({} if other is None else {"other": other})
+        timed = {name: partial(seconds_of, one) for name, one in racing.items()}
+        return list(interleaved(chunks, timed).values())
 
 
 def turn(chunk: int, pace: float, effort: Effort) -> int:
-    """Objects of a turn that does not take too long for the slower of two, given its seconds an object."""
+    """Objects of a turn that does not take too long for the slower of two, given its seconds per object."""
     return int(np.clip(effort.chunk_seconds / max(pace, 1e-9), 1, chunk))
 
 
-def check(contender: Contender, scenes: Scenes, effort: Effort) -> tuple[float, dict[str, Any]]:
-    """Seconds an object, roughly, and accuracy on as many objects as time allows."""
-    contender.seconds(scenes[:1])  # imports
+def check(contender: Contender, scenes: Objects, effort: Effort) -> tuple[float, dict[str, Any]]:
+    """Seconds per object, roughly, and accuracy on as many objects as time allows."""
+    seconds_of(contender, scenes[:1])  # imports
     few = scenes[:3]
-    pace = clocked(lambda: contender.answer(few)) / len(few)
+    pace = clocked(lambda: contender.solve(few, Clock())) / len(few)
     count = int(np.clip(effort.seconds / max(pace, 1e-9), 3, min(effort.objects, len(scenes))))
     some = scenes[:count]
-    found = errors(some, *contender.answer(some))
-    pace = min(pace, contender.seconds(few) / len(few))
+    found = errors(some, contender.solve(some, Clock()))
+    pace = min(pace, seconds_of(contender, few) / len(few))
     return pace, {
         "objects": count,
         "mean e_r deg": found.mean_e_r_deg,
@@ -141,7 +142,7 @@ def check(contender: Contender, scenes: Scenes, effort: Effort) -> tuple[float, 
 
 
 def timed(seconds: Array) -> dict[str, Any]:
-    """Microseconds an object."""
+    """Microseconds per object."""
     return {"us": 1e6 * float(np.median(seconds)), "us quartiles": quartiles(1e6 * seconds)}
 
 

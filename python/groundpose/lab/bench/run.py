@@ -10,9 +10,9 @@ from typing import Any
 from groundpose import _core
 from groundpose._checks import input_error
 from groundpose.lab.bench.cases import Case
-from groundpose.lab.bench.contenders import described
 from groundpose.lab.bench.races import Effort
 from groundpose.lab.bench.sources import Missing
+from groundpose.lab.contenders.registry import described
 from groundpose.lab.evaluate import report
 
 Content = dict[str, Any]
@@ -30,7 +30,7 @@ def setup(effort: Effort) -> Content:
         "machine": report.machine(),
         "versions": versions,
         "core": core,
-        "rivals": described(),
+        "libraries": described("bench"),
     }
 
 

@@ -3,39 +3,22 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, fields, replace
-from functools import cache, cached_property
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 import groundpose as gp
 from groundpose.lab.bodies.catalogue import outline
-from groundpose.lab.evaluate.scenes import Array, Scenes
+from groundpose.lab.contenders.objects import Array, Objects, relative_thresholds
 
 BODIES = 24
 """Cars that the shape models are made of: enough for 10 modes."""
 KEYPOINTS = 28
-# as V1: told pitch 0 and true pitch 1.5 deg (sd), noise 1 to 3 % and threshold 3.75 % of the longer box side
+# as V1: nominal pitch 0, true pitch 1.5 deg (sd), noise 1 to 3 % of the longer box side
 _PITCH_SIGMA = np.radians(1.5)
 _HEIGHT, _NEAREST, _FARTHEST = 1.5, 8.0, 60.0
-_NOISE, _OUTLIERS, _THRESHOLD = (0.01, 0.03), (0.2, 0.5), 0.0375
-
-
-@dataclass(frozen=True)
-class ShapeScenes(Scenes):
-    """Objects of one shape model. `keypoints_3d` is the true shape: rivals without shapes get that."""
-
-    model: gp.ShapeModel
-
-    def __getitem__(self, rows: slice) -> ShapeScenes:
-        """The objects of a slice."""
-        names = {f.name for f in fields(self)} - {"bbox_3d", "camera", "view", "model"}
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
-
-    @cached_property
-    def models(self) -> list[gp.ShapeModel]:
-        """The same for all."""
-        return [self.model] * len(self)
+_NOISE, _OUTLIERS = (0.01, 0.03), (0.2, 0.5)
 
 
 @cache
@@ -54,15 +37,21 @@ def _bodies() -> tuple[Array, Array]:
     return np.stack(points), np.stack(boxes)
 
 
-def cars(modes: int, trials: int, seed: int = 0) -> ShapeScenes:
-    """Cars with random coefficients of `modes` modes. Depends on (modes, trials, seed) only."""
+def cars(modes: int, trials: int, seed: int = 0) -> Objects:
+    """Cars with random coefficients of `modes` modes. Depends on (modes, trials, seed) only.
+
+    Contenders without shapes get the true one.
+    """
     rng, model = np.random.default_rng([seed, modes]), car_model(modes)
     camera = gp.Camera(1000.0, 1000.0, 957.0, 540.0, image_size=(1914, 1080))
     rows = [_car(rng, model, camera) for _ in range(trials)]
     columns = dict(zip(rows[0], zip(*(row.values() for row in rows), strict=True), strict=True))
-    arrays = {name: np.stack(values) for name, values in columns.items()}
-    return ShapeScenes(
-        **arrays, bbox_3d=model.bbox_3d, camera=camera, view=gp.View(camera, pitch=0.0), model=model
+    arrays: dict[str, Any] = {name: np.stack(values) for name, values in columns.items()}
+    return Objects(
+        **arrays,
+        view=gp.View(camera, pitch=0.0),
+        models=[model] * trials,
+        inlier_threshold=relative_thresholds(arrays["bboxes"]),
     )
 
 
@@ -89,12 +78,11 @@ def _car(rng: np.random.Generator, model: gp.ShapeModel, camera: gp.Camera) -> d
     pixels[wrong] = rng.uniform(bbox[:2], bbox[2:], (int(wrong.sum()), 2))
     return {
         "keypoints_2d": pixels,
-        "keypoints_3d": keypoints_3d,
+        "rigid": keypoints_3d,
         "bboxes": bbox,
         "R": R,
         "t": t,
         "inlier_truth": ~wrong,
-        "inlier_threshold": np.asarray(_THRESHOLD * longer),
     }
 
 

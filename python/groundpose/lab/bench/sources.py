@@ -21,9 +21,10 @@ import numpy as np
 import groundpose as gp
 from groundpose import _core
 from groundpose.lab.bench.races import Effort, Tell, WrongAnswer
-from groundpose.lab.evaluate.methods import DEFAULT
-from groundpose.lab.evaluate.scenes import Scenes, generate
-from groundpose.lab.evaluate.timing import CHUNK, Contestant, clocked, in_chunks, interleaved, median_interval
+from groundpose.lab.contenders.objects import Objects
+from groundpose.lab.contenders.own import DEFAULT
+from groundpose.lab.evaluate.scenes import generate
+from groundpose.lab.timing import CHUNK, Timed, clocked, in_chunks, interleaved, median_interval
 
 BENCH = Path("benches/instructions.rs")
 _TARGETS = ("groundpose", BENCH.stem)
@@ -125,7 +126,7 @@ def load(path: Path) -> ModuleType:
     return module
 
 
-def _against(racing: dict[str, Contestant], effort: Effort) -> dict[str, Any]:
+def _against(racing: dict[str, Timed], effort: Effort) -> dict[str, Any]:
     chunk = min(CHUNK, effort.objects)
     found = {}
     for name, kind, options in (("V1", "vehicle", {}), ("E1 50 %", "cube", {"outlier_ratio": 0.5})):
@@ -141,10 +142,10 @@ def _against(racing: dict[str, Contestant], effort: Effort) -> dict[str, Any]:
     return {"settings": found}
 
 
-def _direct(module: Any) -> Contestant:
+def _direct(module: Any) -> Timed:
     """The batch call of a core itself, with objects of its own classes, checked before it is timed."""
 
-    def contestant(scenes: Scenes) -> float:
+    def timed(scenes: Objects) -> float:
         c = scenes.camera
         camera = module.Camera(c.fx, c.fy, c.cx, c.cy, None, c.image_size)
         view = module.View(camera, scenes.view.pitch, 0.0, None)
@@ -153,9 +154,9 @@ def _direct(module: Any) -> Contestant:
         options = module.Options(**module.default_options())
         answer: dict[str, Any] = {}
         seconds = clocked(lambda: answer.update(module.estimate_batch(view, *data, options, 1)))
-        expected = DEFAULT.estimate(scenes)
+        expected = DEFAULT.poses(scenes)
         if not np.allclose(answer["t"], expected.t, equal_nan=True, rtol=1e-6):
             raise AssertionError("two builds of the core give two answers")
         return seconds
 
-    return contestant
+    return timed

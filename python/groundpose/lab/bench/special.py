@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
@@ -16,7 +15,7 @@ import numpy as np
 import groundpose as gp
 from groundpose.lab.bench.races import Effort, Tell
 from groundpose.lab.bench.scenes import KEYPOINTS, car_model
-from groundpose.lab.evaluate.timing import clocked, median_interval, quartiles
+from groundpose.lab.timing import clocked, median_interval, quartiles, shortest
 
 OVERHEAD_OBJECTS = (1, 100, 1000)
 _MODELS = 10
@@ -45,9 +44,9 @@ def overhead(effort: Effort, tell: Tell) -> dict[str, Any]:
                 "quartiles": quartiles(1e6 * values),
                 "95 %": median_interval(1e6 * values),
             }
-            for name, values in (("a call", call), ("an object", each))
+            for name, values in (("per call", call), ("per object", each))
         },
-        "bytes an object": _bytes(calls[many], many),
+        "bytes per object": _bytes(calls[many], many),
         "us of whole calls": {
             str(n): 1e6 * float(m) for n, m in zip(calls, np.median(seconds, 0), strict=True)
         },
@@ -72,7 +71,7 @@ def _empty_call(count: int) -> Callable[[], gp.PoseBatch]:
 
 
 def _bytes(call: Callable[[], gp.PoseBatch], count: int) -> dict[str, float]:
-    """Given (keypoints, boxes, a model of its own) and returned, an object."""
+    """Given (keypoints, boxes, a model of its own) and returned, per object."""
     poses = call()
     handed_on = ("keypoints_2d", "bboxes")
     names = [f.name for f in fields(poses) if isinstance(getattr(poses, f.name), np.ndarray)]
@@ -86,7 +85,8 @@ def machine(effort: Effort, tell: Tell) -> dict[str, Any]:
     tell("what the core can do")
     one = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     size = "64" if effort.quick else "1024"
-    command = [sys.executable, "-m", "groundpose.lab.bench.special", size]
+    measure = "import json; from groundpose.lab.bench.special import core_speed"
+    command = [sys.executable, "-c", f"{measure}; print(json.dumps(core_speed({size})))"]
     output = subprocess.run(command, env=os.environ | one, capture_output=True, text=True, check=True).stdout
     return {"group": "machine", "label": "one core", **json.loads(output)}
 
@@ -94,22 +94,10 @@ def machine(effort: Effort, tell: Tell) -> dict[str, Any]:
 def core_speed(size: int, seconds: float = 0.5) -> dict[str, float]:
     """Best of several: multiplying matrices (what the core's multiply-adds can do), copying arrays."""
     a, b = (np.random.default_rng(seed).normal(size=(size, size)) for seed in (0, 1))
-    flops = 2.0 * size**3 / _best(lambda: a @ b, seconds)
+    flops = 2.0 * size**3 / shortest(lambda: a @ b, seconds)
     bandwidths = {}
     for name, numbers in (("memory", 16 * size * size), ("cache", 32 * size)):  # 128 MB, 256 kB at 1024
         source, target = np.ones(numbers), np.empty(numbers)
-        best = _best(lambda pair=(target, source): np.copyto(*pair), seconds)  # type: ignore[misc]
+        best = shortest(lambda pair=(target, source): np.copyto(*pair), seconds)  # type: ignore[misc]
         bandwidths[f"{name} GB/s"] = 2e-9 * source.nbytes / best  # read, and written
     return {"gflops": 1e-9 * flops, **bandwidths}
-
-
-def _best(call: Callable[[], Any], seconds: float) -> float:
-    """Shortest time: disturbances only ever add."""
-    best, end = clocked(call), time.perf_counter() + seconds
-    while time.perf_counter() < end:
-        best = min(best, clocked(call))
-    return best
-
-
-if __name__ == "__main__":
-    print(json.dumps(core_speed(int(sys.argv[1]))))

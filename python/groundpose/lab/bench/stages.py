@@ -67,14 +67,14 @@ _P1P, _SCORES, _COVARIANCE = "P1P of the draws", "scores", "covariance"
 
 
 def of(rows: list[Row], setting: str) -> list[Row]:
-    """Stages of one setting, an object: microseconds, instructions, operations on paper.
+    """Stages of one setting, per object: microseconds, instructions, operations on paper.
 
     Nothing where a row is missing.
     """
     by_work = {row["work"]: row for row in rows if row["setting"] == setting and row["work"] in _WORKS}
     if set(by_work) != set(_WORKS):
         return []
-    times = _split(by_work, {name: row["us an object"] for name, row in by_work.items()})
+    times = _split(by_work, {name: row["us per object"] for name, row in by_work.items()})
     counts = _split(by_work, {name: row["instructions"] / row["objects"] for name, row in by_work.items()})
     operations = _operations(by_work, MODES[setting])
     intensity = {name: step_flops(MODES[setting]) / STEP_BYTES for name in (*_REFINEMENTS, _COVARIANCE)}
@@ -127,11 +127,11 @@ def _operations(by_work: dict[str, Row], modes: int) -> dict[str, float]:
 
 
 def whole(rows: list[Row], setting: str, work: str) -> Row | None:
-    """One row, an object."""
+    """One row, per object."""
     for row in rows:
         if (row["setting"], row["work"]) == (setting, work):
             each = {key: row[key] / row["objects"] for key in ("instructions", "keypoints", "allocations")}
-            return each | {"us": row["us an object"]}
+            return each | {"us": row["us per object"]}
     return None
 
 

@@ -8,10 +8,10 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from groundpose.lab.bench import bars
+from groundpose.lab.bench import targets
 from groundpose.lab.bench.baseline import BETTER, SAME, Difference
 
-_COLUMNS = ("us an object", "times ours", "middle half", "mean e_r deg", "failures %")
+_COLUMNS = ("us per object", "times ours", "middle half", "mean e_r deg", "failures %")
 
 
 def race(name: str, case: dict[str, Any]) -> Table:
@@ -49,22 +49,22 @@ def _flat(prefix: str, value: Any) -> Iterable[tuple[str, Any]]:
     elif isinstance(value, list) and value and isinstance(value[0], dict):
         for row in value:
             each = row["instructions"] / row["objects"]
-            yield f"{row['setting']}: {row['work']}", f"{each:,.0f} instructions an object"
+            yield f"{row['setting']}: {row['work']}", f"{each:,.0f} instructions per object"
     elif isinstance(value, list):
         yield prefix, " to ".join(f"{x:.4g}" for x in value)
     else:
         yield prefix, value
 
 
-def bar_table(cases: dict[str, Any]) -> Table:
-    """What the numbers must show; bars that were not measured are left out."""
+def target_table(cases: dict[str, Any]) -> Table:
+    """What the numbers must show; targets that were not measured are left out."""
     table = Table(title="What it must show", title_justify="left")
-    for column in ("measure", "what", "value", "bar", ""):
+    for column in ("measure", "what", "value", "target", ""):
         table.add_column(column)
-    for line in bars.table(cases):
+    for line in targets.table(cases):
         if line["met"] is not None:
             mark = Text("met", "green") if line["met"] else Text("NOT met", "red")
-            table.add_row(line["measure"], line["what"], line["value"], line["bar"], mark)
+            table.add_row(line["measure"], line["what"], line["value"], line["target"], mark)
     return table
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from groundpose.formats.apollo import ApolloSet
 from groundpose.formats.kitti.table import KittiTable
 from groundpose.formats.skips import Skips
+from groundpose.lab.contenders.registry import described
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.kitti.keypoints import Simulated
 from groundpose.lab.evaluate.kitti.objects import cars_of
@@ -21,13 +22,12 @@ from groundpose.lab.evaluate.real_data import (
     apollo_images,
     apollo_library,
 )
-from groundpose.lab.evaluate.rivals import described
 from groundpose.lab.evaluate.tilt import table, ways
 
 APOLLO_SPREAD_DEG = 1.6
 KITTI_SPREAD_DEG = 0.7
 KITTI_OFF_DEG = 3.0
-"""By how much the told tilt is wrong where it is: that of a car braking hard."""
+"""By how much the nominal tilt is wrong where it is: that of a car braking hard."""
 Content = dict[str, Any]
 
 
@@ -46,12 +46,16 @@ def run_folder(root: Path, models: Path, split: Path | None) -> Content:
     folder = ApolloSet(root, apollo_library(models))
     images = [image for name in folder.ids(split, skipped) if (image := folder.read(name, skipped))]
     sets = [_one(each) for known in (True, False) for each in apollo_images(images, folder.models, known)]
-    return {**header(), "rivals": described(), "sets": sets, "skipped": skipped.record()}
+    return {**header(), "libraries": described("real"), "sets": sets, "skipped": skipped.record()}
 
 
 def run_table(data: Path) -> Content:
     """The development cars. Raises OSError."""
-    return {**header(), "rivals": described(), "sets": [_one(apollo(data, known)) for known in (True, False)]}
+    return {
+        **header(),
+        "libraries": described("real"),
+        "sets": [_one(apollo(data, known)) for known in (True, False)],
+    }
 
 
 def _one(objects: RealObjects) -> Content:

@@ -6,9 +6,10 @@ import numpy as np
 
 import groundpose as gp
 from groundpose import _core
-from groundpose.lab.evaluate.rows import Check, Context, Result
-from groundpose.lab.evaluate.scenes import Array
+from groundpose.lab.contenders.objects import Array
+from groundpose.lab.evaluate.rows import Context, Result
 from groundpose.lab.metrics import rotation_error_deg, translation_error_percent
+from groundpose.lab.targets import TARGETS
 
 PITCH_DEG = (-40.0, 10.0)
 ROLL_DEG = (-5.0, 5.0)
@@ -44,7 +45,7 @@ def p1p_exact(context: Context) -> Result:
         "mean solutions": float(solutions.mean()),
         "most solutions": int(solutions.max()),
     }
-    return Result([Check("worst scene, e_r of the best hypothesis", best.max(), 1e-3, unit=" deg")], [detail])
+    return Result([TARGETS["p1p"].check(best.max())], [detail])
 
 
 def _scene(rng: np.random.Generator, camera: gp.Camera) -> tuple[gp.View, Array, Array, Array, Array, Array]:

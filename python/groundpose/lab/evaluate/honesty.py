@@ -7,11 +7,13 @@ import dataclasses
 import numpy as np
 
 import groundpose as gp
-from groundpose.lab.evaluate import methods
-from groundpose.lab.evaluate.methods import HRE_VEHICLE, Method
-from groundpose.lab.evaluate.rows import Check, Context, Detail, Result
-from groundpose.lab.evaluate.scenes import Array, Scenes, generate
+from groundpose.lab.contenders import own
+from groundpose.lab.contenders.objects import Array, Objects
+from groundpose.lab.contenders.own import Own
+from groundpose.lab.evaluate.rows import Context, Detail, Result
+from groundpose.lab.evaluate.scenes import generate
 from groundpose.lab.metrics import rotation_error_deg
+from groundpose.lab.targets import TARGETS
 
 CHI2_95_OF_6 = 12.592
 """95 % of a chi-square variable with six degrees of freedom lie below."""
@@ -19,7 +21,7 @@ GROSS_DEG = 15.0
 """A pose further off is a wrong answer, not a noisy one; no covariance is meant to cover it."""
 
 
-def squared_mahalanobis(scenes: Scenes, poses: gp.PoseBatch) -> Array:
+def squared_mahalanobis(scenes: Objects, poses: gp.PoseBatch) -> Array:
     """Squared error in units of the stated covariance, (T,); NaN without an answer."""
     turned = scenes.R @ np.swapaxes(poses.R, 1, 2)
     w = 0.5 * np.stack(
@@ -36,19 +38,19 @@ def squared_mahalanobis(scenes: Scenes, poses: gp.PoseBatch) -> Array:
 
 
 def coverage(context: Context) -> Result:
-    """Share of true poses inside the stated 95 % region, over poses within 15 degrees of the truth."""
-    settings: tuple[tuple[str, str, dict[str, float], Method], ...] = (
-        ("V1", "vehicle", {}, methods.DEFAULT),
-        ("V1", "vehicle", {}, methods.NO_PRIOR),
-        ("V1", "vehicle", {}, methods.hre(HRE_VEHICLE)),
-        ("E1 50 %", "cube", {"outlier_ratio": 0.5}, methods.DEFAULT),
-        ("E1 90 %", "cube", {"outlier_ratio": 0.9}, methods.DEFAULT),
+    """Fraction of true poses inside the stated 95 % region, over poses within 15 degrees of the truth."""
+    settings: tuple[tuple[str, str, dict[str, float], Own], ...] = (
+        ("V1", "vehicle", {}, own.DEFAULT),
+        ("V1", "vehicle", {}, own.NO_PRIOR),
+        ("V1", "vehicle", {}, own.HRE),
+        ("E1 50 %", "cube", {"outlier_ratio": 0.5}, own.DEFAULT),
+        ("E1 90 %", "cube", {"outlier_ratio": 0.9}, own.DEFAULT),
     )
     details: list[Detail] = []
     for name, kind, setting, method in settings:
         context.advance(f"covariance {name} {method.name}")
         scenes = generate(kind, context.trials, seed=context.seed, **setting)
-        poses = method.estimate(scenes)
+        poses = method.poses(scenes)
         found = poses.ok & (rotation_error_deg(scenes.R, poses.R) < GROSS_DEG)
         d2 = squared_mahalanobis(scenes, poses)[found]
         details.append(
@@ -59,11 +61,11 @@ def coverage(context: Context) -> Result:
                 "mean squared error / 6 (ideal 1)": float(np.mean(d2)) / 6,
             }
         )
-    shares = [line["inside the 95 % region, %"] for line in details if line["method"] == methods.DEFAULT.name]
+    inside = [line["inside the 95 % region, %"] for line in details if line["method"] == own.DEFAULT.name]
     return Result(
         [
-            Check("default, least share inside", min(shares), 90.0, "at least", " %"),
-            Check("default, largest share inside", max(shares), 99.0, unit=" %"),
+            TARGETS["coverage least"].check(min(inside)),
+            TARGETS["coverage most"].check(max(inside)),
         ],
         details,
     )
@@ -79,8 +81,8 @@ def chance(context: Context) -> Result:
     details: list[Detail] = []
     for limit in (-1.0, 0.0, gp.Options().max_log10_nfa, 2.0, np.inf):
         context.advance(f"chance {limit}")
-        method = Method("", "", {"max_log10_nfa": float(limit)})
-        accepted, kept = (float(method.estimate(s).ok.mean()) for s in (junk, scenes))
+        method = Own("", "", {"max_log10_nfa": float(limit)})
+        accepted, kept = (float(method.poses(s).ok.mean()) for s in (junk, scenes))
         details.append(
             {
                 "max_log10_nfa": str(limit),
@@ -91,8 +93,8 @@ def chance(context: Context) -> Result:
     default = details[2]
     return Result(
         [
-            Check("random keypoints called ok", default["random keypoints called ok, %"], 5.0, unit=" %"),
-            Check("true scenes refused", default["true scenes refused, %"], 1.0, unit=" %"),
+            TARGETS["chance accepted"].check(default["random keypoints called ok, %"]),
+            TARGETS["chance refused"].check(default["true scenes refused, %"]),
         ],
         details,
     )

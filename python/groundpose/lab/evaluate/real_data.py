@@ -1,6 +1,6 @@
 """Real keypoints with known truth, in our conventions: cars of KITTI (a CNN's keypoints) and of ApolloCar3D.
 
-The files are test input and not part of this package; `groundpose.lab.data` says where they are found.
+The files are test input and not part of this package; see `lab.data`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ import numpy.typing as npt
 
 import groundpose as gp
 from groundpose.formats.apollo import CAMERAS, IMAGE_SIZE, OURS_FROM_APOLLO, ApolloImage
+from groundpose.lab.contenders.objects import Array, Objects, relative_thresholds
 from groundpose.lab.data import rotation_about_y
-from groundpose.lab.evaluate.scenes import Array, Scene
-from groundpose.lab.metrics import RELATIVE_THRESHOLD
 
 # KITTI objects: x forward, y down, z left; ours: x right, y down, z forward
 OURS_FROM_KITTI = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -32,54 +31,20 @@ WHEEL_RADIUS_M = 0.35
 MIRRORS = ("L_SideViewMirror", "R_SideViewMirror")
 
 
-@dataclass(frozen=True)
-class RealObjects:
-    """N objects of one camera; arrays as `estimate_poses` takes them, and the labelled truth."""
+@dataclass(frozen=True, kw_only=True)
+class RealObjects(Objects):
+    """N objects of one camera and the labelled truth."""
 
     name: str
-    view: gp.View
-    keypoints_2d: Array
-    """(N, P, 2), NaN = not labelled."""
-    keypoint_scores: Array | None
-    bboxes: Array
-    models: Sequence[gp.ShapeModel]
-    R: Array
-    t: Array
     scale_known: bool
     """Whether the models have the true size, so that a distance can be right."""
     frames: npt.NDArray[Any] | None = None
     """(N,) the image of each object; None: not known."""
 
-    def __len__(self) -> int:
-        """Number of objects."""
-        return len(self.R)
-
     @property
-    def inlier_threshold(self) -> Array:
-        """(N,) px: the paper's share of the longer side of the box."""
-        left, top, right, bottom = self.bboxes.T
-        return np.asarray(RELATIVE_THRESHOLD * np.maximum(right - left, bottom - top))
-
-    def singles(self, lowest_score: float = 0.0, threshold_factor: float = 1.0) -> list[Scene]:
-        """The objects as other libraries want them: seen keypoints, rigid mean model.
-
-        `lowest_score` leaves out keypoints below it (scores are all those libraries can do with them),
-        `threshold_factor` scales the paper's threshold.
-        """
-        kept = ~np.isnan(self.keypoints_2d[..., 0])
-        if self.keypoint_scores is not None:
-            kept &= self.keypoint_scores >= lowest_score
-        return [
-            Scene(
-                np.ascontiguousarray(self.keypoints_2d[k][kept[k]]),
-                np.ascontiguousarray(self.models[k].keypoints_3d[kept[k]]),
-                self.view.camera,
-                threshold_factor * float(self.inlier_threshold[k]),
-                self.R[k],
-                self.t[k],
-            )
-            for k in range(len(self))
-        ]
+    def of_all(self) -> tuple[str, ...]:
+        """See `Objects`."""
+        return (*super().of_all, "name", "scale_known")
 
 
 def kitti(folder: Path) -> RealObjects:
@@ -99,13 +64,15 @@ def kitti(folder: Path) -> RealObjects:
     camera = gp.Camera.from_K(K, image_size=KITTI_IMAGE)
     height, width, length = label[:, 11:14].T
     body = [name not in MIRRORS for name in names]
+    bboxes = np.ascontiguousarray(label[:, 7:11])
     models = [_kitti_model(mean, body, names, size) for size in zip(length, height, width, strict=True)]
     return RealObjects(
         name="KITTI, CNN keypoints",
         view=gp.View(camera),
         keypoints_2d=np.ascontiguousarray(keypoints[..., :2]),
         keypoint_scores=np.ascontiguousarray(keypoints[..., 2]),
-        bboxes=np.ascontiguousarray(label[:, 7:11]),
+        bboxes=bboxes,
+        inlier_threshold=relative_thresholds(bboxes),
         models=models,
         R=rotation_about_y(label[:, 17] + math.pi / 2),
         t=label[:, 14:17] + np.linalg.solve(K, P[:, 3]),
@@ -129,8 +96,8 @@ def _kitti_model(
 def apollo(folder: Path, known_model: bool) -> RealObjects:
     """Cars of ApolloCar3D with at least 8 of 66 keypoints labelled by hand; boxes of the VISIBLE part only.
 
-    `known_model`: each car's own model, or else the mean and modes of all 79. The tilt told is the data set's
-    mean. FileNotFoundError when a file is not there.
+    `known_model`: each car's own model, or else the mean and modes of all 79. The nominal tilt is the
+    mean of the data set. FileNotFoundError when a file is not there.
     """
     library = apollo_library(folder / "apollo_models.npz")
     with np.load(folder / "apollo_cars_dev.npz") as data:
@@ -140,6 +107,7 @@ def apollo(folder: Path, known_model: bool) -> RealObjects:
         left, top, width, height = data["bbox_xywh"][kept].T
         K, R, t, car = data["K"], data["R"][kept], data["t"][kept], data["car_id"][kept]
         frames = data["image_id"][kept]
+    bboxes = np.stack([left, top, left + width, top + height], axis=1)
     models = apollo_models(library, car.tolist(), known_model)
     camera = gp.Camera.from_K(K, image_size=IMAGE_SIZE)
     return RealObjects(
@@ -147,7 +115,8 @@ def apollo(folder: Path, known_model: bool) -> RealObjects:
         view=gp.View(camera, pitch=math.radians(APOLLO_TILT_DEG)),
         keypoints_2d=np.ascontiguousarray(keypoints),
         keypoint_scores=None,
-        bboxes=np.stack([left, top, left + width, top + height], axis=1),
+        bboxes=bboxes,
+        inlier_threshold=relative_thresholds(bboxes),
         models=models,
         R=R @ OURS_FROM_APOLLO.T,
         t=t,
@@ -163,7 +132,7 @@ def apollo_library(path: Path) -> Array:
 
 
 def apollo_models(library: Array, cars: Sequence[int], known_model: bool) -> list[gp.ShapeModel]:
-    """What is told of each car: its own model of the library, or mean and modes of all."""
+    """What is known of each car: its own model of the library, or mean and modes of all."""
     if not known_model:
         return [gp.ShapeModel.fit(library, modes=APOLLO_MODES)] * len(cars)
     each = {k: gp.ShapeModel(library[k]) for k in set(cars)}
@@ -182,13 +151,15 @@ def apollo_images(images: Sequence[ApolloImage], library: Array, known_model: bo
         ]
         if rows:
             cars = [car for _, car in rows]
+            bboxes = np.array([car.bbox for car in cars])
             found.append(
                 RealObjects(
                     name=_apollo_name(known_model),
                     view=gp.View(camera, pitch=math.radians(APOLLO_TILT_DEG)),
                     keypoints_2d=np.stack([car.keypoints_2d for car in cars]),
                     keypoint_scores=None,
-                    bboxes=np.array([car.bbox for car in cars]),
+                    bboxes=bboxes,
+                    inlier_threshold=relative_thresholds(bboxes),
                     models=apollo_models(library, [car.car_id for car in cars], known_model),
                     R=np.stack([car.R for car in cars]),
                     t=np.stack([car.t for car in cars]),

@@ -1,12 +1,10 @@
-"""docs/real_data.md from results/real/*.json: `python -m groundpose.lab.evaluate.real_page`."""
+"""docs/real_data.md from results/real/*.json: `groundpose evaluate pages`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from groundpose.formats.kitti.dataset import DIFFICULTIES
 from groundpose.lab.evaluate.report import read_json, table
@@ -88,7 +86,7 @@ detections are matched once, by falling score, instead of once at each of 41 sco
 transcription of the official algorithm on 500 made-up frames it is within 0.5 points. The labels against
 themselves give 100, and every run checks that.
 
-Every table below is made by the command above it; the page by `python -m groundpose.lab.evaluate.real_page`.
+Every table below is made by the command above it; the page by `groundpose evaluate pages`.
 How well the solver does on the keypoints of a real CNN: [results.md](results.md).
 """
 
@@ -101,10 +99,10 @@ SIMULATED = (
     "deg or 10 % or no answer."
 )
 CLASS = (
-    "Told is the class alone: its shape model with all modes. The paper's refinements have no prior on the "
+    "Known is the class alone: its shape model with all modes. The paper's refinements have no prior on the "
     "shape, and so no scale: their distances say little here. PoseLib gets the mean shape."
 )
-RIGID = "Told is the mean shape of the class stretched to the labelled size, rigid, for every method."
+RIGID = "Known is the mean shape of the class stretched to the labelled size, rigid, for every method."
 NETWORK = (
     "Nothing is simulated: the bundled network, trained on the virtual drive alone, finds class and "
     "keypoints in the image."
@@ -115,14 +113,14 @@ PAPER_NOTE = (
 )
 
 
-def main(
-    results: Annotated[Path, typer.Option(help="Folder of the numbers.")] = RESULTS,
-    out: Annotated[Path, typer.Option(help="Page to write.")] = PAGE,
-) -> None:
-    """Write the page."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(render(results), encoding="utf-8")
-    typer.echo(out)
+def write_page(root: Path) -> Path | None:
+    """Write the page from the stored numbers; None when there are none."""
+    if not (root / RESULTS).is_dir():
+        return None
+    page = root / PAGE
+    page.parent.mkdir(parents=True, exist_ok=True)
+    page.write_text(render(root / RESULTS), encoding="utf-8")
+    return page
 
 
 def render(folder: Path) -> str:
@@ -214,13 +212,13 @@ def _groups(content: Content) -> Iterator[str]:
 
 
 def _vehicles_class(content: Content) -> Iterator[str]:
-    title = "KITTI: 3,472 labelled vehicles with boxes of a real detector, class told"
+    title = "KITTI: 3,472 labelled vehicles with boxes of a real detector, class known"
     yield from _vehicles(title, f"{SIMULATED} {CLASS}")(content)
     yield from _groups(content)
 
 
 def _vehicles_rigid(content: Content) -> Iterator[str]:
-    title = "KITTI: the same vehicles, size told"
+    title = "KITTI: the same vehicles, size known"
     yield from _vehicles(title, f"{RIGID} {PAPER_NOTE}")(content)
 
 
@@ -264,7 +262,7 @@ SECTIONS: tuple[tuple[str, Callable[[Content], Iterator[str]]], ...] = (
     ("vehicles_rigid", _vehicles_rigid),
     (
         "kitti_labels",
-        _vehicles("KITTI: nine frames, labelled boxes", "Keypoints and models as above, class told."),
+        _vehicles("KITTI: nine frames, labelled boxes", "Keypoints and models as above, class known."),
     ),
     (
         "kitti_detections",
@@ -283,7 +281,3 @@ SECTIONS: tuple[tuple[str, Callable[[Content], Iterator[str]]], ...] = (
     ("speed", _speed),
 )
 """Files of numbers and what is written of them, in the order of the page."""
-
-
-if __name__ == "__main__":
-    typer.run(main)

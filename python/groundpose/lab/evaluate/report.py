@@ -140,7 +140,7 @@ def headline(solver: dict[str, Any]) -> str:
             "method": f"**{line['method']}**" if line["ratio"] == 1.0 else line["method"],
             "mean rotation error, deg": accuracy[line["method"]]["mean e_r deg"],
             "failures, %": accuracy[line["method"]]["failures %"],
-            "time an object, µs": line["us an object"],
+            "time per object, µs": line["us per object"],
             "time / ours": line["ratio"],
         }
         for line in timed
@@ -169,13 +169,13 @@ def _summary(content: dict[str, Any]) -> list[str]:
                     "measure": row["measure"],
                     "what": check["what"],
                     "value": value,
-                    "bar": check["bar"],
+                    "target": check["target"],
                     "met": check["met"],
                 }
             )
             if check["shortfall"]:
                 short.append(f"- {row['measure']}: {check['shortfall']}")
-    verdict = "Not met:\n\n" + "\n".join(short) if short else "Every bar that was measured is met."
+    verdict = "Not met:\n\n" + "\n".join(short) if short else "Every target that was measured is met."
     return [f"`{content['command']}`", _made_on(content), table(lines), verdict]
 
 
@@ -199,5 +199,5 @@ def _real(content: dict[str, Any]) -> list[str]:
 
 def _made_on(content: dict[str, Any]) -> str:
     packages = ", ".join(f"{name} {number}" for name, number in content["versions"].items())
-    rivals = "; ".join(f"{name}: {text}" for name, text in content.get("rivals", {}).items())
-    return f"{packages}. Times: {content['machine']}, one thread unless said otherwise. {rivals}".rstrip()
+    libraries = "; ".join(f"{name}: {text}" for name, text in content.get("libraries", {}).items())
+    return f"{packages}. Times: {content['machine']}, one thread unless said otherwise. {libraries}".rstrip()

@@ -1,11 +1,12 @@
-"""One line of a table of bars: what was measured, what it had to be, whether it is."""
+"""One row of `evaluate targets`: how it is measured, what was found, how that is stored."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
+
+from groundpose.lab.targets import Check
 
 Detail = dict[str, Any]
 
@@ -17,35 +18,6 @@ class Context:
     trials: int
     seed: int
     advance: Callable[[str], None] = lambda text: None
-
-
-@dataclass(frozen=True)
-class Check:
-    """One number against its bar."""
-
-    what: str
-    value: float
-    limit: float
-    sense: str = "at most"
-    unit: str = ""
-
-    @property
-    def met(self) -> bool:
-        """A value that is not a number meets nothing."""
-        if self.sense == "at least":
-            return bool(self.value >= self.limit)
-        return bool(self.value <= self.limit)
-
-    def shortfall(self) -> str:
-        """How far off, in words; empty when met."""
-        if self.met:
-            return ""
-        if not math.isfinite(self.value):
-            return f"{self.what}: no value"
-        gap = abs(self.value - self.limit)
-        relative = f" ({100 * gap / abs(self.limit):.1f} %)" if self.limit else ""
-        bar = f"{self.sense} {self.limit:g}{self.unit}"
-        return f"{self.what}: {self.value:.4g}{self.unit}, not {bar}; missed by {gap:.3g}{relative}"
 
 
 @dataclass(frozen=True)
@@ -63,11 +35,20 @@ class Result:
     """What a reader of the details must know not to misread them."""
 
 
-def to_json(identifier: str, measure: str, result: Result, command: str) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Row:
+    """One row: its name on the command line, its line in the table, and how it is measured."""
+
+    id: str
+    measure: str
+    run: Callable[[Context], Result]
+
+
+def to_json(row: Row, result: Result, command: str) -> dict[str, Any]:
     """A row as it is stored."""
     return {
-        "id": identifier,
-        "measure": measure,
+        "id": row.id,
+        "measure": row.measure,
         "command": command,
         "met": bool(result.checks) and all(c.met for c in result.checks) if not result.missing else None,
         "missing": result.missing,
@@ -75,8 +56,8 @@ def to_json(identifier: str, measure: str, result: Result, command: str) -> dict
             {
                 "what": c.what,
                 "value": c.value,
-                "bar": f"{c.sense} {c.limit:g}{c.unit}",
-                "unit": c.unit,
+                "target": c.target.text(),
+                "unit": c.target.unit,
                 "met": c.met,
                 "shortfall": c.shortfall(),
             }

@@ -1,4 +1,4 @@
-"""`python -m groundpose.lab.evaluate.shape_check`: what our shape models hold and which real cars they reach.
+"""`groundpose evaluate shapes`: what our shape models hold and which real cars they reach.
 
 Writes results/shape_models.json and docs/vehicles.md (with the table and drawings of the keypoints). The real
 cars are the 79 models of ApolloCar3D, test input found as in `real_data`; without them that part is left out.
@@ -17,9 +17,9 @@ import groundpose as gp
 from groundpose.formats.apollo import OURS_FROM_APOLLO
 from groundpose.lab.bodies import drawing
 from groundpose.lab.bodies.make_models import BODIES, outlines
+from groundpose.lab.contenders.objects import Array
 from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import report
-from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.evaluate.shape_fit import Fit, fitted, mirrored, reached, rigidly_aligned
 from groundpose.lab.evaluate.shape_page import write_page
 from groundpose.vehicles import KINDS, shape_model
@@ -151,7 +151,7 @@ def run(data: Path | None = None) -> dict[str, Any]:
     with Progress() as progress:
         bar = progress.add_task("bodies", total=len(KINDS) * UNSEEN)
         models = {kind: check_modes(kind, lambda: progress.advance(bar)) for kind in KINDS}
-    content: dict[str, Any] = {"command": "python -m groundpose.lab.evaluate.shape_check", "models": models}
+    content: dict[str, Any] = {"command": "groundpose evaluate shapes", "models": models}
     cars = real_cars(data_folder(data))
     if cars is not None:
         content["real cars"] = check_real(shape_model("car"), cars)
@@ -168,14 +168,10 @@ def _cm(vectors: Array) -> float:
     return 100.0 * float(np.sqrt(np.mean(np.sum(vectors**2, axis=-1))))
 
 
-def main() -> None:
-    """Measure, store, write the page and the drawings."""
-    content = run()
-    report.write_json(RESULTS, content)
+def measure(root: Path, data: Path | None = None) -> list[Path]:
+    """Measure, store, write the page and the drawings; the files of numbers and text."""
+    content = run(data)
+    report.write_json(root / RESULTS, content)
     drawing.main()
-    write_page(content, PAGE)
-    print(RESULTS, PAGE)
-
-
-if __name__ == "__main__":
-    main()
+    write_page(content, root / PAGE)
+    return [root / RESULTS, root / PAGE]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundpose.lab.evaluate.scenes import Array
+from groundpose.lab.contenders.objects import Array
 
 _TURNS = 60
 

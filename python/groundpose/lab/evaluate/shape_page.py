@@ -19,7 +19,7 @@ machine to 1e-15 m.
 `groundpose.lab.bodies.body("car", seed=7)` is a closed mesh with materials and keypoints,
 `groundpose.vehicles.shape_model("car")` the shape model that the estimator takes.
 
-This page is written by `python -m groundpose.lab.evaluate.shape_check` (a minute)."""
+This page is written by `groundpose evaluate shapes` (a minute)."""
 BODIES_TEXT = """\
 ## Bodies
 

@@ -1,9 +1,9 @@
 """The tilt on real roads: how much the errors of rotation fall when a frame's tilt comes from all its
 objects.
 
-A road is never quite where it is told to be. Compared are ways to tell the solver of it: as fixed as the
-default has it, forgotten after the search, or estimated from the objects of each image together, from a
-told tilt that is right for the set, off by some degrees, or not known at all.
+A road never has quite its nominal tilt. Compared are ways to deal with that: the nominal tilt as fixed as the
+default has it, forgotten after the search, or estimated from the objects of each image together; with a
+nominal tilt that is right for the set, off by some degrees, or not known at all.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 
 import groundpose as gp
+from groundpose.lab.contenders.contender import nothing
+from groundpose.lab.contenders.objects import Array
+from groundpose.lab.contenders.own import DEFAULT, Own
 from groundpose.lab.evaluate.real_data import RealObjects
-from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg, summarise, yaw_error_deg
 
 Row = dict[str, Any]
@@ -25,30 +27,30 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class TiltWay:
-    """One way to tell the tilt."""
+    """One way to use a nominal tilt."""
 
     name: str
-    told_deg: float
-    options: dict[str, Any]
+    nominal_deg: float
+    contender: Own = DEFAULT
     frame_sigma_deg: float | None = None
 
 
 def ways(prior_deg: float, spread_deg: float, off_deg: float) -> list[TiltWay]:
     """What is compared on a set with this mean tilt and this spread between images.
 
-    `off_deg`: the error of a told tilt that is wrong for all images.
+    `off_deg`: the error of a nominal tilt that is wrong for all images.
     """
-    free = {"tilt_sigma": math.inf}
-    loose = {"tilt_sigma": math.radians(max(spread_deg, 1.5) * 2.0)}
+    free = Own("forgotten", options={"tilt_sigma": math.inf})
+    loose = Own("wider prior", options={"tilt_sigma": math.radians(max(spread_deg, 1.5) * 2.0)})
     wrong = prior_deg + off_deg
     return [
-        TiltWay("the set's mean, fixed", prior_deg, {}),
+        TiltWay("the set's mean, fixed", prior_deg),
         TiltWay("the set's mean, wider prior", prior_deg, loose),
         TiltWay("the set's mean, forgotten after the search", prior_deg, free),
-        TiltWay("the set's mean, then the frame's", prior_deg, {}, max(spread_deg, 0.5)),
-        TiltWay(f"wrong by {off_deg:g} deg, fixed", wrong, {}),
+        TiltWay("the set's mean, then the frame's", prior_deg, DEFAULT, max(spread_deg, 0.5)),
+        TiltWay(f"wrong by {off_deg:g} deg, fixed", wrong),
         TiltWay(f"wrong by {off_deg:g} deg, forgotten after the search", wrong, free),
-        TiltWay(f"wrong by {off_deg:g} deg, then the frame's", wrong, {}, max(abs(off_deg), 0.5)),
+        TiltWay(f"wrong by {off_deg:g} deg, then the frame's", wrong, DEFAULT, max(abs(off_deg), 0.5)),
     ]
 
 
@@ -60,40 +62,32 @@ def table(objects: RealObjects, compared: list[TiltWay], use_scores: bool = True
     truth = _truth_lines(objects)
     lines = [_line(objects, way, use_scores, truth) for way in compared]
     views = {key: _view_of(objects, rows) for key, rows in _frames(objects)}
-    R, _, _ = _estimate(objects, lambda key: views[key], {}, None, use_scores)
+    R, _ = _estimate(objects, DEFAULT, lambda key: views[key], None, use_scores)
     return [*lines, {"tilt": "as the labels of the image agree on", **_errors(objects, R, truth, None)}]
 
 
 def _line(objects: RealObjects, way: TiltWay, use_scores: bool, truth: dict[Any, Array]) -> Row:
-    told = replace(objects.view, pitch=math.radians(way.told_deg), roll=0.0)
+    nominal = replace(objects.view, pitch=math.radians(way.nominal_deg), roll=0.0)
     sigma = None if way.frame_sigma_deg is None else math.radians(way.frame_sigma_deg)
-    R, _, found = _estimate(objects, lambda _: told, way.options, sigma, use_scores)
-    return {"tilt": way.name, "told deg": way.told_deg, **_errors(objects, R, truth, found)}
+    R, found = _estimate(objects, way.contender, lambda _: nominal, sigma, use_scores)
+    return {"tilt": way.name, "nominal deg": way.nominal_deg, **_errors(objects, R, truth, found)}
 
 
 def _estimate(
     objects: RealObjects,
+    contender: Own,
     view: Callable[[Any], gp.View],
-    options: dict[str, Any],
     sigma: float | None,
     use_scores: bool,
-) -> tuple[Array, Array, dict[Any, gp.View]]:
-    """R and t of all objects, image by image, and the view that each image ended with."""
-    R, t, found = np.full_like(objects.R, np.nan), np.full_like(objects.t, np.nan), {}
-    scores = objects.keypoint_scores if use_scores else None
+) -> tuple[Array, dict[Any, gp.View]]:
+    """R of all objects, image by image, and the view that each image ended with."""
+    R, found = nothing(len(objects))[0], {}
+    given = objects if use_scores else objects.without_scores()
     for key, rows in _frames(objects):
-        poses = gp.estimate_poses(
-            view(key),
-            objects.keypoints_2d[rows],
-            objects.bboxes[rows],
-            [objects.models[k] for k in rows],
-            None if scores is None else scores[rows],
-            gp.Options(**options),
-            threads=1,
-            frame_tilt_sigma=sigma,
-        )
-        R[rows], t[rows], found[key] = poses.R, poses.t, poses.view
-    return R, t, found
+        frame = replace(given[rows], view=view(key), frame_tilt_sigma=sigma)
+        poses = contender.poses(frame)
+        R[rows], found[key] = poses.R, poses.view
+    return R, found
 
 
 def _frames(objects: RealObjects) -> Iterator[tuple[Any, list[int]]]:

@@ -1,7 +1,6 @@
 """The paper's Fig. 4 (a) to (n) and Fig. 5 from stored results, as SVG and PNG.
 
-Colour tells what follows a search, line style which search: solid RNSC-P1P, dashed RNSC-P3P, dotted REPPnP.
-Colours are those of Okabe and Ito, which colour-blind readers tell apart; markers repeat what colours say.
+What colours and lines mean is said in `contenders.styles`.
 """
 
 from __future__ import annotations
@@ -16,6 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from groundpose.lab.contenders.registry import contenders
+from groundpose.lab.contenders.styles import style_of
 from groundpose.lab.evaluate.experiments.series import MICROSECONDS, Results
 from groundpose.lab.evaluate.experiments.settings import OUTLIERS
 
@@ -69,87 +70,38 @@ LABELS = {
     TRANSLATION: "mean e_t (%)",
     INLIERS: "mean inliers",
     ITERATIONS: "RANSAC iterations",
-    MICROSECONDS: "time an object (us)",
+    MICROSECONDS: "time per object (us)",
     "outlier_ratio": "outlier ratio",
     "n_points": "points",
     "pitch_error_deg": "pitch error (deg)",
     "bbox_error outward": "box sides moved outward (px)",
     "bbox_error shift": "box shifted (px)",
 }
-POLISH_COLOURS = {
-    "": ("#000000", "o"),
-    "GN": ("#0072B2", "s"),
-    "EPnP+GN": ("#56B4E9", "^"),
-    "RPnP": ("#E69F00", "v"),
-    "ASPnP": ("#CC79A7", "D"),
-    "OPnP+N": ("#009E73", "P"),
-    "EPPnP": ("#D55E00", "X"),
-    "HRE": ("#8C6D00", "*"),
-}
-SEARCH_LINES = {"RNSC-P1P": "-", "RNSC-P3P": "--", "REPPnP": ":"}
-FLOORS = {
-    "oracle 6-DoF": ("#999999", (0, (1, 1))),
-    "oracle 4-DoF": ("#999999", (0, (5, 1, 1, 1))),
-}
-OURS = {"ours, default": ("#D00000", "-", "o"), "ours, no priors": ("#D00000", "--", "s")}
-TODAY = {
-    "RNSC-P1P+HRE": ("#8C6D00", "-", "*"),
-    "ours, UP2P search": ("#000000", "--", "v"),
-    "PoseLib tuned": ("#0072B2", "-", "s"),
-    "PoseLib": ("#56B4E9", "--", "s"),
-    "OpenCV EPNP + LM": ("#E69F00", "-", "^"),
-    "OpenCV SQPNP + LM": ("#E69F00", ":", "D"),
-    "OpenCV P3P + LM": ("#009E73", "-", "v"),
-    "OpenCV USAC MAGSAC + LM": ("#CC79A7", "-", "P"),
-    "OpenCV USAC ACCURATE + LM": ("#CC79A7", "--", "X"),
-    "pycolmap": ("#D55E00", "-.", "o"),
-}
 LOG_STEPS = ((30.0, (1.0, 2.0, 3.0, 5.0)), (300.0, (1.0, 3.0)), (np.inf, (1.0,)))
 """Ticks within a decade for axes that span at most so much."""
-Style = dict[str, Any]
-THIN: Style = {"linewidth": 1.1, "markersize": 3.5}
-
-
-def _paper_styles() -> dict[str, Style]:
-    styles: dict[str, Style] = {}
-    for search, line in SEARCH_LINES.items():
-        for polish, (colour, marker) in POLISH_COLOURS.items():
-            if polish != "HRE":
-                name = f"{search}+{polish}" if polish else search
-                styles[name] = {"color": colour, "linestyle": line, "marker": marker}
-    return styles
-
-
-def _own_styles() -> dict[str, Style]:
-    floors = {name: {"color": c, "linestyle": line} for name, (c, line) in FLOORS.items()}
-    ours = {name: {"color": c, "linestyle": line, "marker": m} for name, (c, line, m) in OURS.items()}
-    return floors | ours
-
-
-def _today_styles() -> dict[str, Style]:
-    return {name: {"color": c, "linestyle": line, "marker": m} for name, (c, line, m) in TODAY.items()}
-
-
-def _hre_styles() -> dict[str, Style]:
-    return {
-        name: {"color": POLISH_COLOURS[polish][0], "linestyle": "-", "marker": POLISH_COLOURS[polish][1]}
-        for name, polish in (("RNSC-P1P", ""), ("RNSC-P1P+GN", "GN"), ("RNSC-P1P+HRE", "HRE"))
-    }
-
-
-FIGURES: dict[str, tuple[str, tuple[tuple[Panel, ...], ...], dict[str, Style]]] = {
-    "fig4_paper": ("Fig. 4, methods of the paper", FIGURE_4, _paper_styles() | _own_styles()),
-    "fig4_today": ("Fig. 4, today's libraries", FIGURE_4, _today_styles() | _own_styles()),
-    "fig5": ("Fig. 5, hierarchical robust estimation", FIGURE_5, _hre_styles() | _own_styles()),
+THIN: dict[str, Any] = {"linewidth": 1.1, "markersize": 3.5}
+Rows = tuple[tuple[Panel, ...], ...]
+FIGURES: dict[str, tuple[str, Rows, str]] = {
+    "fig4_paper": ("Fig. 4, methods of the paper", FIGURE_4, "paper"),
+    "fig4_today": ("Fig. 4, today's libraries", FIGURE_4, "today"),
+    "fig5": ("Fig. 5, hierarchical robust estimation", FIGURE_5, "HRE"),
 }
-"""{file name: (title, rows of panels, {method: style})}"""
+"""{file name: (title, rows of panels, where its contenders are marked in the registry)}"""
 
 
-def draw(
-    results: Results, title: str, rows: tuple[tuple[Panel, ...], ...], styles: dict[str, Style], outliers: str
-) -> Figure:
+def drawn(figure: str) -> list[str]:
+    """Names of the contenders in a figure: what it is about, then those that all figures show."""
+    each = {where: [one.name for one in contenders(where)] for _, _, where in FIGURES.values()}
+    names = each[FIGURES[figure][2]]
+    common = [name for name in names if all(name in some for some in each.values())]
+    return [*(name for name in names if name not in common), *common]
+
+
+def draw(results: Results, figure_name: str, outliers: str) -> Figure:
     """One figure with one legend; panels without results stay empty."""
-    legend_rows = -(-len(styles) // 5)
+    title, rows, _ = FIGURES[figure_name]
+    methods = drawn(figure_name)
+    legend_rows = -(-len(methods) // 5)
     size = (15.0, 3.1 * len(rows) + 0.28 * legend_rows + 0.6)
     figure = Figure(figsize=size, layout="constrained")
     kind = "in the whole image" if outliers == "image" else "in the object's box"
@@ -160,22 +112,21 @@ def draw(
         width = 4 if len(row) == 3 else 3
         for j, panel in enumerate(row):
             axes = figure.add_subplot(grid[i, j * width : (j + 1) * width])
-            handles |= _panel(axes, results, panel, styles, outliers)
+            handles |= _panel(axes, results, panel, methods, outliers)
     if handles:
         lines, names = list(handles.values()), list(handles)
         figure.legend(lines, names, loc="outside lower center", ncols=5, fontsize=9, frameon=False)
     return figure
 
 
-def _panel(
-    axes: Axes, results: Results, panel: Panel, styles: dict[str, Style], outliers: str
-) -> dict[str, Any]:
+def _panel(axes: Axes, results: Results, panel: Panel, methods: list[str], outliers: str) -> dict[str, Any]:
     """Curves of one panel, {method: line}."""
     handles = {}
-    for method, style in styles.items():
+    for method in methods:
         x, y = results.curve(panel.experiment, panel.curve, outliers, method, panel.quantity)
         seen = np.isfinite(y)
         if seen.any():
+            style = style_of(method).curve()
             (handles[method],) = axes.plot(x[seen], y[seen], label=method, **THIN, **style)
     if panel.log and handles:
         _log_axis(axes)
@@ -205,11 +156,11 @@ def write(results: Results, folder: Path, names: Sequence[str] = tuple(FIGURES))
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name in names:
-        title, rows, styles = FIGURES[name]
+        _, rows, _ = FIGURES[name]
         if not any(panel.experiment in results.stores for row in rows for panel in row):
             continue
         for outliers in OUTLIERS:
-            figure = draw(results, title, rows, styles, outliers)
+            figure = draw(results, name, outliers)
             path = folder / f"{name}_{outliers}.png"
             figure.savefig(path, dpi=90, metadata={"Software": None})
             written.append(path)

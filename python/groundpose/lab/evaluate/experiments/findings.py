@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from groundpose.lab.evaluate.experiments.polish import GN, PNPS
+from groundpose.lab.contenders.polish import GN, PNPS
 from groundpose.lab.evaluate.experiments.series import MICROSECONDS, Array, Results
 from groundpose.lab.evaluate.experiments.settings import BBOX_ERROR_KINDS, EXPERIMENTS, OUTLIERS
 

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from groundpose.lab.evaluate import report
-from groundpose.lab.evaluate.experiments.figures import FIGURES as FIGURES_DRAWN
+from groundpose.lab.evaluate.experiments.figures import drawn
 from groundpose.lab.evaluate.experiments.findings import CLAIMS, Finding
 from groundpose.lab.evaluate.experiments.series import MICROSECONDS, Results
 from groundpose.lab.evaluate.experiments.settings import EXPERIMENTS, OUTLIERS, Setting, settings_of
@@ -16,7 +16,7 @@ INTRODUCTION = """\
 The synthetic experiments of the paper (sec. 4.1, Figs. 4 and 5), with every method it names, today's
 libraries and our default. Cubes of points 20 to 40 m away, f = 800 px, noise 2 px, threshold 4 px,
 confidence 0.99, at most 10000 iterations. E1 varies the outlier ratio, E2 the number of points (50 %
-outliers), E3 the error of the told pitch, E4 errors of the 2D box sides: both outward (negative: inward)
+outliers), E3 the error of the nominal pitch, E4 errors of the 2D box sides: both outward (negative: inward)
 and both shifted, as the paper does not say which.
 
 How to read it:
@@ -24,8 +24,8 @@ How to read it:
 - Two outlier models: uniform in the image, and uniform in the object's box (closer to a real detector).
 - e_t is divided by the norm of the estimate, as in the paper. No answer counts as 180 deg and 100 %.
 - Inliers are counted anew on the final pose, with the threshold, for every method.
-- Oracles are least squares on the true inliers: floors, not methods. The 4-DoF one trusts the told
-  pitch.
+- Oracles are least squares on the true inliers: floors, not methods. The 4-DoF one trusts the
+  nominal pitch.
 - Times: median over chunks of 50 objects, one thread a process; ours is the whole Python batch call, a
   library's its own calls alone. **RPnP, ASPnP, OPnP+N, EPPnP and REPPnP are NumPy here: their accuracy
   counts, their time does not.** EPnP is OpenCV's, its GN is NumPy.
@@ -35,10 +35,8 @@ How to read it:
 - No library we know offers a robust pose with a known tilt in Python: "ours, UP2P search" (two points,
   known tilt, no box, our refinement) stands in for it."""
 VERDICTS = {True: "Confirmed.", False: "**Not confirmed.**", None: "Not measured yet."}
-FIGURE_METHODS = {
-    "fig4": [name for key in ("fig4_paper", "fig4_today") for name in FIGURES_DRAWN[key][2]],
-    "fig5": list(FIGURES_DRAWN["fig5"][2]),
-}
+FIGURES_OF = {"HRE": ("fig5",)}
+"""Where an experiment is drawn that is not in both figures 4."""
 QUIET_LOAD = 1.5
 """Processes running, in the mean over a minute, beyond which times are called disturbed."""
 SHOWN = {"E1": (0.5, 0.9), "E2": (50.0, 1000.0), "E3": (0.0, 3.0), "E4": (0.0, 3.0)}
@@ -79,7 +77,8 @@ def write(results: Results, page: Path = PAGE, figures: Path = FIGURES) -> Path:
 
 def complete(results: Results) -> bool:
     """Whether every setting of every experiment has every method that its figures show."""
-    shown = {name: set(FIGURE_METHODS["fig5" if name == "HRE" else "fig4"]) for name in EXPERIMENTS}
+    figures = {name: FIGURES_OF.get(name, ("fig4_paper", "fig4_today")) for name in EXPERIMENTS}
+    shown = {name: {one for figure in some for one in drawn(figure)} for name, some in figures.items()}
     return all(
         experiment in results.stores
         and shown[experiment] <= set(results.stores[experiment].results.get(setting.key, {}))

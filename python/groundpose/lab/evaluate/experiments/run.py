@@ -1,4 +1,4 @@
-"""Runs experiments: in parallel over settings and families, continuing what is stored."""
+"""Runs experiments: in parallel over settings and contenders, continuing what is stored."""
 
 from __future__ import annotations
 
@@ -11,23 +11,29 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from groundpose.lab import timing
+from groundpose.lab.contenders.polish import solve_all
+from groundpose.lab.contenders.use import batched
 from groundpose.lab.evaluate.experiments import entry
+from groundpose.lab.evaluate.experiments.outcome import numbers
 from groundpose.lab.evaluate.experiments.settings import Setting, settings_of
 from groundpose.lab.evaluate.experiments.store import Store
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+REPEATS, LONG_ENOUGH = 3, 0.05
+"""Batch calls of our core are timed so often, or until so many seconds; the median counts."""
 Advance = Callable[[int, int, str], None]
 """Tasks finished, tasks in all, what was finished last."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A family in one setting."""
+    """Contenders that run together in one setting."""
 
     setting: Setting
-    family: str
+    group: str
     methods: list[str]
-    """Those that are not finished yet."""
+    """Names of those that are not finished yet."""
 
 
 @dataclass(frozen=True)
@@ -40,32 +46,43 @@ class Measured:
 
 def measure(task: Task, trials: int, seed: int) -> Measured:
     """One task, in this process."""
-    family = entry.family(task.family)
-    scenes = task.setting.scenes(trials, seed)[: family.trials(task.setting, trials)]
-    outcomes = family.run(scenes, task.methods)
-    numbers = {name: outcome.numbers(scenes) for name, outcome in outcomes.items()}
-    return Measured(numbers, {name: outcome.microseconds() for name, outcome in outcomes.items()})
+    everywhere = entry.everywhere()
+    those = [batched(everywhere[name], timing.CHUNK) for name in task.methods]
+    most = min(entry.trials_of(one, task.setting, trials) for one in those)
+    scenes = task.setting.scenes(trials, seed)[:most]
+    those[0].solve(scenes[:1], timing.Clock())  # imports, first allocations
+    answers = solve_all(those, scenes, timing.Clock(repeats=REPEATS, enough=LONG_ENOUGH))
+    return Measured(
+        {name: numbers(scenes, found) for name, found in answers.items()},
+        {name: timing.microseconds(found.seconds) for name, found in answers.items()},
+    )
 
 
 def tasks(store: Store, methods: dict[str, str]) -> list[Task]:
     """What is left to do."""
     found = []
     for setting in settings_of(store.experiment):
-        for family in entry.FAMILIES:
-            left = [m for m in family.methods() if m in methods and not store.has(setting.key, m)]
-            if left:
-                found.append(Task(setting, family.name, left))
+        groups: dict[str, list[str]] = {}
+        for name, contender in entry.everywhere().items():
+            if name in methods and not store.has(setting.key, name):
+                groups.setdefault(entry.group_of(contender), []).append(name)
+        found += [Task(setting, group, names) for group, names in groups.items()]
     return found
 
 
 def select(experiment: str, methods: list[str] | None) -> dict[str, str]:
     """Methods to run: those of `methods` that the experiment has. ValueError for a name that nothing has."""
-    known, everywhere = entry.methods_of(experiment), entry.methods_of("E1")
+    known, everywhere = _notes(experiment), entry.everywhere()
     if methods is None:
         return known
     if unknown := [name for name in methods if name not in everywhere]:
         raise ValueError(f"methods: expected some of {'; '.join(everywhere)}, got {'; '.join(unknown)}")
     return {name: note for name, note in known.items() if name in methods}
+
+
+def _notes(experiment: str) -> dict[str, str]:
+    """{name: what it is}"""
+    return {name: one.note for name, one in entry.contenders_of(experiment).items()}
 
 
 def run(
@@ -97,8 +114,8 @@ def run(
             for done, future in enumerate(as_completed(futures), start=1):
                 task, measured = futures[future], future.result()
                 store.add(task.setting.key, measured.numbers, measured.microseconds)
-                store.write(keys, wanted, entry.methods_of(experiment))
-                advance(done, len(left), f"{task.setting.key}, {task.family}")
+                store.write(keys, wanted, _notes(experiment))
+                advance(done, len(left), f"{task.setting.key}, {task.group}")
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-from groundpose.lab.evaluate.scenes import Scenes, generate
+from groundpose.lab.contenders.objects import Objects
+from groundpose.lab.evaluate.scenes import generate
 
 OUTLIERS = ("image", "box")
 OUTLIER_RATIOS = tuple(k / 10 for k in range(1, 10))
@@ -33,13 +34,13 @@ class Setting:
         """Its name in stored results."""
         return f"{self.curve} {self.value:g}, outliers {self.outliers}"
 
-    def scenes(self, trials: int, seed: int) -> Scenes:
+    def scenes(self, trials: int, seed: int) -> Objects:
         """Its objects; trial k depends on (seed, k) only."""
         return _generate(tuple(self.options.items()), self.outliers, trials, seed)
 
 
 @lru_cache(maxsize=2)
-def _generate(options: tuple[tuple[str, Any], ...], outliers: str, trials: int, seed: int) -> Scenes:
+def _generate(options: tuple[tuple[str, Any], ...], outliers: str, trials: int, seed: int) -> Objects:
     return generate("cube", trials, seed=seed, outliers=outliers, **dict(options))
 
 

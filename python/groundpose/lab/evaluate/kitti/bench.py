@@ -6,7 +6,7 @@ import os
 import resource
 import sys
 import tempfile
-import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.kitti.frame import CAMERA_HEIGHT, Task
 from groundpose.lab.evaluate.kitti.keypoints import Simulated
 from groundpose.lab.evaluate.kitti.run import Advance, Worker, run
+from groundpose.lab.timing import Clock
 
 CAMERA = gp.Camera(721.5377, 721.5377, 609.5593, 172.854, image_size=IMAGE_SIZE)
 # name, height, width, length: KITTI's means
@@ -68,18 +69,17 @@ def bench(frames: int, jobs: int, advance: Advance | None = None) -> dict[str, A
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         make_folder(root, frames)
-        start, before = time.perf_counter(), sum(os.times()[:4])
+        clock, before = Clock(), sum(os.times()[:4])
         task = Task(keypoints="simulated")
         worker = Worker(KittiSet(root), task, Simulated())
-        content, _ = run(worker, root / "out.json", jobs=jobs, advance=advance)
-        seconds = time.perf_counter() - start
+        content, _ = clock(partial(run, worker, root / "out.json", jobs=jobs, advance=advance))
     return {
         "command": f"groundpose evaluate speed --frames {frames} --jobs {jobs}",
         "machine": report.machine(),
         "frames": content["frames"]["done"],
         "objects": content["objects"],
         "jobs": jobs,
-        "seconds": round(seconds, 1),
+        "seconds": round(clock.seconds, 1),
         "CPU seconds of all processes": round(sum(os.times()[:4]) - before, 1),
         "peak memory of the parent, MB": _peak(resource.RUSAGE_SELF),
         "peak memory of the largest process, MB": _peak(resource.RUSAGE_CHILDREN),

@@ -4,7 +4,6 @@ detections."""
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -16,19 +15,20 @@ from groundpose.formats.kitti.dataset import KittiFrame, difficulty
 from groundpose.formats.kitti.labels import KIND_OF, KittiLabel
 from groundpose.formats.kitti.results import R_from_rotation_y, bottom_centres, results
 from groundpose.formats.skips import Skips
+from groundpose.lab.contenders.contender import Contender, as_poses, nothing
+from groundpose.lab.contenders.objects import Objects, padded, relative_thresholds
+from groundpose.lab.contenders.registry import by_option
+from groundpose.lab.contenders.use import with_scores
 from groundpose.lab.evaluate.kitti.average_precision import NEIGHBOURS, Hits, Overlaps, image_boxes, judge
 from groundpose.lab.evaluate.kitti.keypoints import Found, KeypointSource
-from groundpose.lab.evaluate.kitti.methods import LOWEST_SCORE, METHODS, KittiMethod
 from groundpose.lab.evaluate.kitti.overlap import image_overlap
-from groundpose.lab.evaluate.scenes import Scene
-from groundpose.lab.evaluate.simulated.contest import FEWEST_POINTS
 from groundpose.lab.metrics import (
-    RELATIVE_THRESHOLD,
     angular_translation_error_deg,
     rotation_error_deg,
     translation_error_percent,
     yaw_error_deg,
 )
+from groundpose.lab.timing import Clock
 
 CAMERA_HEIGHT = 1.65
 """Of KITTI's cameras above the road, metres."""
@@ -47,7 +47,7 @@ class Task:
     keypoints: str = "network"
     """Where they come from, in words."""
     pitch_deg: float = 0.0
-    """Told."""
+    """Nominal."""
     frame_tilt_sigma_deg: float | None = None
     """The frame's tilt is estimated from its objects when given."""
     least_score: float = 0.0
@@ -55,16 +55,17 @@ class Task:
 
     def __post_init__(self) -> None:
         """Raises InputError for a name that is none."""
+        contenders = by_option("kitti")
         for name, given, known in (
-            ("--method", self.methods, METHODS),
+            ("--method", self.methods, contenders),
             ("--boxes", (self.boxes,), BOXES),
             ("--class", self.classes, NEIGHBOURS),
         ):
             for value in given:
                 if value not in known:
                     raise input_error(name, f"one of {', '.join(known)}", repr(value))
-        for method in map(METHODS.__getitem__, self.methods):
-            if method.rival is not None and (reason := method.rival.missing()):
+        for option in self.methods:
+            if reason := contenders[option].missing():
                 raise input_error("--method", "a method that is installed", reason)
 
     @property
@@ -75,7 +76,7 @@ class Task:
 
 LABEL_COLUMNS = ("kind", "level", "distance_m", "truncated", "occluded", "height_px", "tilt_deg")
 """Of a labelled object: class (its place in `Task.classes`), difficulty, ...; `tilt_deg`: how far the road
-under it, by its labelled place and the camera's height, is from the tilt told."""
+under it, by its labelled place and the camera's height, is from the nominal tilt."""
 ERROR_COLUMNS = (
     *("e_r_deg", "e_a_deg", "e_t_percent", "yaw_deg", "depth_percent", "depth_ground_percent"),
     *("iou_bev", "iou_3d"),
@@ -139,69 +140,47 @@ def _asked(frame: KittiFrame, task: Task) -> list[KittiLabel]:
     return [x for x in found if x.type in task.classes and (x.score or 0.0) >= task.least_score]
 
 
-def estimate(frame: KittiFrame, prepared: Prepared, task: Task, method: KittiMethod) -> gp.PoseBatch:
-    """Poses of a frame by one method."""
-    found = prepared.found
-    keypoints, scores = found.keypoints_2d, found.scores
-    if not method.weights:
-        pairs = zip(keypoints, scores, strict=True)
-        keypoints = [np.where(s[:, None] >= LOWEST_SCORE, k, np.nan) for k, s in pairs]
-    view, sigma = gp.View(frame.camera, math.radians(task.pitch_deg)), task.frame_tilt_sigma_deg
-    if method.rival is not None:
-        return _by_rival(view, keypoints, prepared, method)
-    return gp.estimate_poses(
-        view,
-        keypoints,
-        prepared.bboxes,
-        found.models,
-        scores if method.weights else None,
-        gp.Options(**method.options),
-        threads=1,
+def given(frame: KittiFrame, prepared: Prepared, task: Task) -> Objects:
+    """What contenders are given of a frame."""
+    found, sigma = prepared.found, task.frame_tilt_sigma_deg
+    R, t = nothing(len(prepared.boxes))
+    return Objects(
+        view=gp.View(frame.camera, math.radians(task.pitch_deg)),
+        keypoints_2d=padded(found.keypoints_2d, np.nan, 2),
+        keypoint_scores=padded(found.scores, 0.0),
+        bboxes=prepared.bboxes,
+        models=found.models,
+        inlier_threshold=relative_thresholds(prepared.bboxes),
+        R=R,
+        t=t,
+        fewest_points=4,
         frame_tilt_sigma=None if sigma is None else math.radians(sigma),
     )
 
 
-def _by_rival(
-    view: gp.View, keypoints: list[FloatArray], prepared: Prepared, method: KittiMethod
-) -> gp.PoseBatch:
-    """A batch whose poses are another library's; all that it does not tell is as without an answer."""
-    assert method.rival is not None
-    models = prepared.found.models
-    nothing = [np.full_like(points, np.nan) for points in keypoints]
-    batch = gp.estimate_poses(view, nothing, prepared.bboxes, models, threads=1)
-    R, t = batch.R.copy(), batch.t.copy()
-    longer = (prepared.bboxes[:, 2:] - prepared.bboxes[:, :2]).max(axis=1)
-    for k, (points, model) in enumerate(zip(keypoints, models, strict=True)):
-        seen = np.isfinite(points[:, 0])
-        if seen.sum() < FEWEST_POINTS:
-            continue
-        threshold = method.threshold_factor * RELATIVE_THRESHOLD * float(longer[k])
-        scene = Scene(points[seen], model.keypoints_3d[seen], view.camera, threshold, np.eye(3), np.zeros(3))
-        answer = method.rival.solve(scene)
-        if answer.R is not None and answer.t is not None:
-            R[k], t[k] = answer.R, answer.t
-    coefficients = np.zeros_like(batch.shape_coefficients)
-    ok = np.isfinite(t).all(axis=1)
-    return replace(batch, R=R, t=t, ok=ok, shape_coefficients=coefficients)
+def estimate(frame: KittiFrame, prepared: Prepared, task: Task, contender: Contender) -> gp.PoseBatch:
+    """Poses of a frame by one contender, which makes the most of scores that it can."""
+    objects = given(frame, prepared, task)
+    return as_poses(objects, with_scores(contender).solve(objects, Clock()))
 
 
 def evaluate(
     frame: KittiFrame, task: Task, source: KeypointSource, skipped: Skips
 ) -> tuple[FrameResult, dict[str, list[KittiLabel]]] | None:
     """Numbers of a frame and its results in KITTI's terms by method; None when it cannot be used."""
-    start = time.perf_counter()
-    prepared = prepare(frame, task, source, skipped)
+    clock, contenders = Clock(), by_option("kitti")
+    prepared = clock(prepare, frame, task, source, skipped)
     if prepared is None:
         return None
     result = FrameResult(
         [_label_row(x, frame, task) for x in prepared.labels if x is not None], prepared.missed
     )
-    result.keypoint_seconds, result.boxes = time.perf_counter() - start, len(prepared.boxes)
+    result.keypoint_seconds, result.boxes = clock.seconds, len(prepared.boxes)
     answers = {}
     for name in task.methods:
-        start = time.perf_counter()
-        poses = estimate(frame, prepared, task, METHODS[name])
-        result.seconds[name] = time.perf_counter() - start
+        clock = Clock()
+        poses = clock(estimate, frame, prepared, task, contenders[name])
+        result.seconds[name] = clock.seconds
         answers[name] = as_results(frame, prepared, poses)
         overlaps = Overlaps.of(answers[name], frame.labels)
         result.errors[name] = _errors(frame, prepared, poses, overlaps)

@@ -10,6 +10,7 @@ import groundpose as gp
 from groundpose.formats.kitti.dataset import DIFFICULTIES, KittiFrames, difficulty
 from groundpose.formats.kitti.results import R_from_rotation_y
 from groundpose.formats.skips import Skips
+from groundpose.lab.contenders.objects import relative_thresholds
 from groundpose.lab.evaluate.kitti.frame import Task, prepare
 from groundpose.lab.evaluate.kitti.keypoints import KeypointSource
 from groundpose.lab.evaluate.real_data import RealObjects
@@ -53,6 +54,7 @@ def cars_of(
         keypoints_2d=np.stack(keypoints),
         keypoint_scores=np.stack(weights),
         bboxes=np.stack(bboxes),
+        inlier_threshold=relative_thresholds(np.stack(bboxes)),
         models=models,
         R=np.stack(R),
         t=np.stack(t),

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from groundpose.draw import Tile, contact_sheet
-from groundpose.draw.colours import BOX, GRID, INLIER, MISSING, NO_POSE, OUTLIER, POSE, POSE_LIGHT, TRUTH
+from groundpose.draw.colours import GRID
 from groundpose.formats.kitti.dataset import DIFFICULTIES
 from groundpose.formats.skips import Skips
+from groundpose.lab.contenders.registry import by_option
+from groundpose.lab.contenders.styles import style_of
 from groundpose.lab.evaluate import html
 from groundpose.lab.evaluate.kitti.frame import estimate, prepare
-from groundpose.lab.evaluate.kitti.methods import METHODS
 from groundpose.lab.evaluate.kitti.run import Worker
 from groundpose.lab.evaluate.kitti.show import pixels_of
 
@@ -21,17 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Content = dict[str, Any]
-# A method keeps its colour and its marker in all curves, whatever others there are.
-_STYLES = dict(
-    zip(
-        METHODS,
-        zip((POSE, POSE_LIGHT, OUTLIER, INLIER, BOX, NO_POSE, TRUTH, MISSING), "ohsD^vPX", strict=True),
-        strict=True,
-    )
-)
 _CURVES = (
     ("distance", "distance, m"),
-    ("tilt", "tilt of the road below the object against the one told, deg"),
+    ("tilt", "tilt of the road below the object against the nominal one, deg"),
 )
 _MEASURES = (("median e_r deg", "median e_r, deg"), ("yaw above 15 deg %", "yaw error above 15 deg, %"))
 _FEWEST = 10
@@ -53,7 +46,7 @@ def _parts(content: Content, worker: Worker) -> Iterator[str]:
     yield html.text(
         "p",
         f"{frames['done']} frames, {content['objects']} objects ({content['missed objects']} without a box). "
-        f"Boxes: {settings['boxes']}; keypoints: {settings['keypoints']}; tilt told "
+        f"Boxes: {settings['boxes']}; keypoints: {settings['keypoints']}; nominal tilt "
         f"{settings['pitch_deg']:g} deg. {told}; {content['machine']}.",
         "note",
     )
@@ -82,7 +75,7 @@ def _headline(content: Content) -> Iterator[str]:
                 "failures, %": three("failures %"),
                 "yaw above 15 deg, %": three("yaw above 15 deg %"),
                 "no answer, %": three("no answer %"),
-                "us an object": method["us an object"],
+                "us per object": method["us per object"],
             }
         )
     yield html.table(rows)
@@ -131,9 +124,9 @@ def _curve(content: Content, what: str, label: str) -> Figure:
     for axes, (measure, name) in zip(panels, _MEASURES, strict=True):
         for method in content["methods"]:
             rows = _shown(method[f"by {what}"])
-            colour, marker = _STYLES[method["option"]]
+            style = style_of(method["method"]).curve()
             x, y = [words.index(row["group"]) for row in rows], [row[measure] for row in rows]
-            axes.plot(x, y, color=colour, marker=marker, linewidth=1.6, markersize=5, label=method["method"])
+            axes.plot(x, y, **style, linewidth=1.6, markersize=5, label=method["method"])
         axes.set_xticks(range(len(words)), [_short(word) for word in words], fontsize=8)
         axes.set(xlabel=label, ylabel=name, ylim=(0.0, None))
         axes.grid(color=GRID, linewidth=0.6)
@@ -186,7 +179,7 @@ def _simulated(content: Content) -> str:
 
 
 def _tiles(content: Content, worker: Worker) -> Iterator[Tile]:
-    method = METHODS[worker.task.methods[0]]
+    method = by_option("kitti")[worker.task.methods[0]]
     for row in content["worst"]:
         skipped = Skips()
         frame = worker.folder.read(row["frame"], skipped)

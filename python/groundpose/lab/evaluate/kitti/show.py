@@ -16,8 +16,8 @@ from groundpose.formats.kitti.dataset import KittiFrame
 from groundpose.formats.kitti.results import R_from_rotation_y
 from groundpose.formats.rerun_log import RerunLog, Truth
 from groundpose.formats.skips import Skips
+from groundpose.lab.contenders.registry import by_option
 from groundpose.lab.evaluate.kitti.frame import Prepared, estimate, prepare
-from groundpose.lab.evaluate.kitti.methods import METHODS
 from groundpose.lab.evaluate.kitti.run import Advance, Worker
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _ROWS = ("inlier keypoints", "3D boxes", "shapes")
 def record(worker: Worker, ids: Sequence[str], path: Path, advance: Advance | None = None) -> int:
     """Poses of frames by the first method as a recording, with the labels; how many frames there are in
     it."""
-    method, count = METHODS[worker.task.methods[0]], 0
+    method, count = by_option("kitti")[worker.task.methods[0]], 0
     with RerunLog(path) as log:
         for number, name in enumerate(ids):
             found = _frame(worker, name)
@@ -88,15 +88,16 @@ def figure6(worker: Worker, name: str) -> Figure:
     drawn = Figure(figsize=(14.0, 0.9 + 3 * 6.9 * height / width), layout="constrained", facecolor=PAPER)
     panels = drawn.subplots(len(_ROWS), len(FIGURE_METHODS), squeeze=False)
     image = pixels_of(frame)
+    contenders = by_option("kitti")
     for column, option in enumerate(FIGURE_METHODS):
-        poses = estimate(frame, prepared, worker.task, METHODS[option])
+        poses = estimate(frame, prepared, worker.task, contenders[option])
         for axes, row in zip(panels[:, column], _ROWS, strict=True):
             shown = np.full((height, width, 3), 60, dtype=np.uint8) if image is None else image
             axes.imshow(shown, interpolation="antialiased")
             axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=(), yticks=())
             _PANELS[row](axes, poses)
         inliers = int(poses.inlier_count[poses.ok].sum())
-        panels[0, column].set_title(f"{METHODS[option].name}: {inliers} inliers", fontsize=11)
+        panels[0, column].set_title(f"{contenders[option].name}: {inliers} inliers", fontsize=11)
     for axes, row in zip(panels[:, 0], _ROWS, strict=True):
         axes.set_ylabel(row, fontsize=10)
     return drawn

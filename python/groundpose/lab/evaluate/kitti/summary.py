@@ -16,9 +16,9 @@ import numpy.typing as npt
 from groundpose._checks import FloatArray
 from groundpose.formats.kitti.dataset import DIFFICULTIES
 from groundpose.formats.skips import Skips
+from groundpose.lab.contenders.registry import by_option
 from groundpose.lab.evaluate.kitti.average_precision import Hits, average_precision
 from groundpose.lab.evaluate.kitti.frame import ERROR_COLUMNS, LABEL_COLUMNS, Task
-from groundpose.lab.evaluate.kitti.methods import METHODS
 from groundpose.lab.evaluate.kitti.store import Line
 from groundpose.lab.metrics import FAR_OFF_E_R_DEG, NO_ANSWER_E_R_DEG, failed
 
@@ -129,7 +129,7 @@ def summary(found: Collected) -> dict[str, Any]:
         "objects": len(found.objects),
         "missed objects": found.missed,
         "skipped": found.skipped.record(),
-        "keypoints, us a box": 1e6 * found.keypoint_seconds / max(found.boxes, 1),
+        "keypoints, us per box": 1e6 * found.keypoint_seconds / max(found.boxes, 1),
         "self-check": {
             kind: average_precision(h) for kind, h in found.hits.get(SELF_CHECK, {}).items() if h.objects[-1]
         },
@@ -146,8 +146,8 @@ def _method(found: Collected, name: str) -> dict[str, Any]:
     by_difficulty = [group(word, errors[level <= k]) for k, word in enumerate(DIFFICULTIES)]
     return {
         "option": name,
-        "method": METHODS[name].name,
-        "us an object": 1e6 * found.seconds.get(name, 0.0) / max(found.boxes, 1),
+        "method": by_option("kitti")[name].name,
+        "us per object": 1e6 * found.seconds.get(name, 0.0) / max(found.boxes, 1),
         "by difficulty": [*by_difficulty, group("all labels", errors)],
         "by class": [
             group(kind, errors[counted & (kinds == k)]) for k, kind in enumerate(found.task.classes)
@@ -186,7 +186,7 @@ def _ranges(
 
 
 def group(name: str, errors: FloatArray) -> Group:
-    """Errors of one group of objects. No answer counts as 180 deg in medians and shares; means are of
+    """Errors of one group of objects. No answer counts as 180 deg in medians and percentages; means are of
     answers. A failure: e_r above 10 deg or e_t above 10 % or no answer."""
     e = dict(zip(ERROR_COLUMNS, errors.T, strict=True))
     silent = np.isnan(e["e_r_deg"])
@@ -194,15 +194,15 @@ def group(name: str, errors: FloatArray) -> Group:
     return {
         "group": name,
         "objects": len(silent),
-        "no answer %": _share(silent),
+        "no answer %": _percentage(silent),
         "mean e_r deg": _mean(e["e_r_deg"]),
         "mean e_a deg": _mean(e["e_a_deg"]),
-        "failures %": _share(failed(e["e_r_deg"], e["e_t_percent"])),
+        "failures %": _percentage(failed(e["e_r_deg"], e["e_t_percent"])),
         "median e_r deg": _median(e_r),
-        "e_r above 15 deg %": _share(e_r > FAR_OFF_E_R_DEG),
+        "e_r above 15 deg %": _percentage(e_r > FAR_OFF_E_R_DEG),
         "median yaw error deg": _median(yaw),
-        "yaw above 15 deg %": _share(yaw > FAR_OFF_E_R_DEG),
-        "yaw above 30 deg %": _share(yaw > REVERSED_DEG),
+        "yaw above 15 deg %": _percentage(yaw > FAR_OFF_E_R_DEG),
+        "yaw above 30 deg %": _percentage(yaw > REVERSED_DEG),
         "orientation similarity": _mean(np.where(silent, 0.0, (1.0 + np.cos(np.radians(yaw))) / 2.0)),
         "median depth error %": _median(e["depth_percent"]),
         "median depth error on the ground %": _median(e["depth_ground_percent"]),
@@ -220,5 +220,5 @@ def _median(values: FloatArray) -> float | None:
     return float(np.median(values)) if len(values) else None
 
 
-def _share(mask: Mask) -> float | None:
+def _percentage(mask: Mask) -> float | None:
     return float(100.0 * mask.mean()) if len(mask) else None

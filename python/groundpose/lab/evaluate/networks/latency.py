@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import torch
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.decode import Calibration
 from groundpose.keypoints.network import Network
+from groundpose.lab.timing import times_of
 from groundpose.lab.training.configs import NETWORKS
 from groundpose.lab.training.export import export, metadata, quantise
 from groundpose.lab.training.networks import KeypointNetwork, folded, multiply_adds
@@ -52,12 +52,7 @@ def milliseconds(path: Path, threads: int) -> float:
     crop = _noise(network.codec, 1)
     for _ in range(5):
         network.detect(crop)
-    times: list[float] = []
-    while len(times) < REPEATS and sum(times) < SECONDS:
-        start = time.perf_counter()
-        network.detect(crop)
-        times.append(time.perf_counter() - start)
-    return 1e3 * float(np.median(times))
+    return 1e3 * float(np.median(times_of(lambda: network.detect(crop), REPEATS, SECONDS)))
 
 
 def _noise(codec: Codec, count: int) -> ByteArray:

@@ -1,21 +1,19 @@
-"""`python -m groundpose.lab.evaluate.networks.measure default=FILE.onnx ... --crops FOLDER`: docs/model.md.
+"""`groundpose evaluate networks default=FILE.onnx ... --crops FOLDER`: docs/model.md.
 
 Costs of every network of the table, accuracy of the trained files named, poses from them, time of an object.
-What is measured already is kept unless --fresh; on a quiet machine, pinned to nothing, as times are of one
+What is measured already is kept unless --fresh. On a quiet machine, pinned to nothing, as times are of one
 and of two threads.
 """
 
 from __future__ import annotations
 
 import json
-import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
-from rich.console import Console
 
 from groundpose.keypoints.network import Network
 from groundpose.keypoints.pipeline import Pipeline
@@ -23,42 +21,43 @@ from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.networks import poses
 from groundpose.lab.evaluate.networks.latency import THREADS, cost, milliseconds
-from groundpose.lab.evaluate.networks.page import write_page
+from groundpose.lab.evaluate.networks.page import RESULTS, write_page
+from groundpose.lab.timing import Clock
 from groundpose.lab.training.configs import NETWORKS
 from groundpose.lab.training.crops import Crops, Records
 from groundpose.lab.training.evaluate import answers, inside_image
 from groundpose.lab.training.streets import judge, streets, summary
 
-RESULTS = Path("results/networks.json")
 TRIALS = 50
 _TOLD = ("command", "training_seconds", "steps", "earlier_run", "data", "weights")
 MOST_OCCLUDED = 0.3
-"""Share of a vehicle that others hide, of the easier ones; the drive goes up to 0.8."""
+"""Fraction of a vehicle that others hide, of the easier ones; the drive goes up to 0.8."""
 
 
-def main(
-    models: Annotated[list[str] | None, typer.Argument(help="NAME=FILE of trained networks.")] = None,
-    crops: Annotated[Path, typer.Option(help="Folder of crops with a test split.")] = Path("data/crops"),
-    seed: int = 0,
-    fresh: bool = False,
-) -> None:
-    """Measure what is missing and write results and page."""
-    found = {} if fresh else report.read_json(RESULTS)
-    found["command"] = "python -m groundpose.lab.evaluate.networks.measure"
+def measure(
+    root: Path, networks: list[str], crops: Path, seed: int, fresh: bool, tell: Callable[[str], None]
+) -> Path:
+    """Measure what is missing and write results and page; where the results are.
+
+    `networks`: NAME=FILE of trained ones. Costs are those of every network of the table.
+    """
+    out = root / RESULTS
+    found = {} if fresh else report.read_json(out)
+    found["command"] = "groundpose evaluate networks"
     found |= {"versions": report.versions(), "machine": report.machine()}
-    screen = Console(stderr=True)
     costs = found.setdefault("costs", {})
     for name in NETWORKS:
         if name not in costs and name != "toy":
-            screen.print(f"cost of {name}")
+            tell(f"cost of {name}")
             costs[name] = cost(name)
-            report.write_json(RESULTS, found)
-    for model in models or []:
-        name, _, path = model.partition("=")
-        screen.print(f"accuracy of {name}")
+            report.write_json(out, found)
+    for one in networks:
+        name, _, path = one.partition("=")
+        tell(f"accuracy of {name}")
         found.setdefault("trained", {})[name] = trained(Network(Path(path), 1), crops, seed)
-        report.write_json(RESULTS, found)
-    write_page(Path(), found)
+        report.write_json(out, found)
+    write_page(root, found)
+    return out
 
 
 def trained(network: Network, folder: Path, seed: int) -> dict[str, Any]:
@@ -98,19 +97,15 @@ def groups(labels: Records) -> dict[str, NDArray[np.bool_]]:
 
 
 def object_times(path: Path) -> dict[str, float]:
-    """Milliseconds an object, one thread, image in memory to pose and shape, by step: medians over calls."""
+    """Milliseconds per object, one thread, image in memory to pose and shape, by step: medians over calls."""
     from groundpose.demo import example
 
     street = example()
     pipeline = Pipeline(path, threads=1)
     laps: list[dict[str, float]] = []
     for _ in range(TRIALS):
-        start = time.perf_counter()
-        found = pipeline(street.image, street.bboxes, street.view)
-        laps.append({**found.seconds, "all": time.perf_counter() - start})
+        clock = Clock()
+        found = clock(pipeline, street.image, street.bboxes, street.view)
+        laps.append({**found.seconds, "all": clock.seconds})
     count = len(street.bboxes)
     return {name: 1e3 * float(np.median([lap[name] for lap in laps])) / count for name in laps[0]}
-
-
-if __name__ == "__main__":
-    typer.run(main)

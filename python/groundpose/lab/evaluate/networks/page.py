@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from groundpose.lab.evaluate.report import MARKS, table
+from groundpose.lab.evaluate.report import MARKS, read_json, table
 
-PAGE = Path("docs/model.md")
+RESULTS, PAGE = Path("results/networks.json"), Path("docs/model.md")
 PAPER = {
     # class accuracy %, vertex error px, GMAC (Table 1)
     "res50-256x192": (99.7, 5.24),
@@ -33,15 +33,22 @@ TIMES = (
 )
 
 
-def write_page(root: Path, found: dict[str, Any]) -> None:
-    """Put the tables between the marks of the page; without a page there is nothing to do."""
+def write_stored(root: Path) -> Path | None:
+    """The page from the stored results; None when there are none."""
+    found = read_json(root / RESULTS)
+    return write_page(root, found) if found else None
+
+
+def write_page(root: Path, found: dict[str, Any]) -> Path | None:
+    """Put the tables between the marks of the page; None when there is no page."""
     path = root / PAGE
     if not path.exists():
-        return
+        return None
     begin, end = MARKS
     before, _, rest = path.read_text("utf-8").partition(begin)
     _, _, after = rest.partition(end)
     path.write_text(f"{before}{begin}\n{tables(found)}\n{end}{after}", "utf-8")
+    return path
 
 
 def tables(found: dict[str, Any]) -> str:

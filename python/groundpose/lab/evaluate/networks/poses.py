@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from groundpose.keypoints.network import Network
+from groundpose.lab.contenders.objects import Array, Objects
 from groundpose.lab.drive import labels, scene, scene_seed
-from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.evaluate.simulated.box_noise import draw_boxes
-from groundpose.lab.evaluate.simulated.contest import Given, contestants
-from groundpose.lab.evaluate.simulated.errors import Errors, summary
-from groundpose.lab.evaluate.simulated.objects import WIDTH, Objects, counts, from_rows, row_of
+from groundpose.lab.evaluate.simulated.objects import WIDTH, Vehicles, counts, from_rows, row_of
+from groundpose.lab.evaluate.simulated.run import everybody
+from groundpose.lab.evaluate.simulated.run import measure as measured
 from groundpose.lab.training.crops import Crops
 from groundpose.lab.training.evaluate import answers
 from groundpose.vehicles import keypoint_indices, shape_model
@@ -24,43 +24,44 @@ BOXES = ("true boxes", "detected boxes")
 
 
 def measure(network: Network, crops: Crops, experiment: str, boxes: str, seed: int) -> dict[str, Any]:
-    """{method: numbers} of `experiment` ("G1" or "G2"); every method is told the true class."""
-    given = detected(network, crops, experiment, boxes, seed)
+    """{method: numbers} of `experiment` ("G1" or "G2"); every method is given the true class."""
+    given, vehicles = detected(network, crops, experiment, boxes, seed)
     found: dict[str, Any] = {}
-    for contestant in contestants(experiment):
-        part = given[: contestant.most]
-        errors = Errors.of(part.objects, contestant(part))
-        numbers = summary(part.objects, errors, experiment == "G2")
+    for contender in everybody(experiment):
+        numbers, _ = measured(contender, given, vehicles, experiment == "G2")
         numbers.pop("groups")
-        found[contestant.name] = numbers
+        found[contender.name] = numbers
     return found
 
 
-def detected(network: Network, crops: Crops, experiment: str, boxes: str, seed: int) -> Given:
+def detected(
+    network: Network, crops: Crops, experiment: str, boxes: str, seed: int
+) -> tuple[Objects, Vehicles]:
     """What the network says of the crops, and the truth of their vehicles."""
-    objects, rows = _truth(crops)
-    given = objects.seen.bboxes
+    vehicles, rows = _truth(crops)
+    given = vehicles.seen.bboxes
     if boxes == "detected boxes":
-        size = objects.camera.image_size
+        size = vehicles.camera.image_size
         assert size is not None
-        given = draw_boxes(given, objects.occlusion, size, seed)
+        given = draw_boxes(given, vehicles.occlusion, size, seed)
     seen = answers(network.detect, crops.of(rows, given), network.codec)
     points = network.codec.image_from_crop(seen.detections.keypoints, seen.windows)
     scores = network.calibration.scores(seen.detections, seen.sides_in_crop)
-    models = objects.known_models if experiment == "G1" else objects.class_models(shape_model)
-    return Given(objects, _own(objects, points, np.nan), _own(objects, scores, 0.0), given, models)
+    models = vehicles.known_models if experiment == "G1" else vehicles.class_models(shape_model)
+    keypoints, scores = _own(vehicles, points, np.nan), _own(vehicles, scores, 0.0)
+    return vehicles.given(keypoints, scores, given, models), vehicles
 
 
-def _own(objects: Objects, values: Array, fill: float) -> Array:
+def _own(vehicles: Vehicles, values: Array, fill: float) -> Array:
     """The values (N, K, ...) of each vehicle's own keypoints, (N, WIDTH, ...)."""
-    found = np.full((len(objects), WIDTH, *values.shape[2:]), fill)
-    for row, kind, all_of_it in zip(found, objects.kinds, values, strict=True):
+    found = np.full((len(vehicles), WIDTH, *values.shape[2:]), fill)
+    for row, kind, all_of_it in zip(found, vehicles.kinds, values, strict=True):
         own = keypoint_indices(kind)
         row[: len(own)] = all_of_it[own]
     return found
 
 
-def _truth(crops: Crops) -> tuple[Objects, np.ndarray]:
+def _truth(crops: Crops) -> tuple[Vehicles, np.ndarray]:
     """The vehicles of the crops that KITTI would count, and which crops they are."""
     rows, places = [], []
     camera = None

@@ -2,7 +2,7 @@
 
 A side is off by `shift + slope l + hypot(pixels, share l) z` pixels, l the longer side of the true box and
 z a Student t variable: the four sides of an object share its heavy tail and are correlated. Sides cut by the
-image border have a scale of their own. `python -m groundpose.lab.evaluate.simulated.fit` fits the numbers to
+image border have a scale of their own. `groundpose evaluate detector` fits the numbers to
 2923 boxes of a real detector.
 
 Left out: vehicles the detector misses (8 to 28 % by occlusion) and boxes with an overlap below one half. The
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from groundpose.lab.evaluate.scenes import Array
+from groundpose.lab.contenders.objects import Array
 
 SIDES = ("left", "top", "right", "bottom")
 BORDER_PX = 1.5

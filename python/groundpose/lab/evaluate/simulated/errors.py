@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from groundpose.lab.evaluate.scenes import Array
-from groundpose.lab.evaluate.simulated.objects import Objects
+from groundpose.lab.contenders.contender import Answers
+from groundpose.lab.contenders.objects import Array
+from groundpose.lab.evaluate.simulated.objects import Vehicles
 from groundpose.lab.metrics import (
     NO_ANSWER_E_R_DEG,
     NO_ANSWER_E_T_PERCENT,
@@ -28,18 +29,6 @@ FEWEST = 20
 """Smaller groups are left out."""
 
 
-@dataclass(frozen=True)
-class Answers:
-    """What a method says of N vehicles; NaN where it has no answer."""
-
-    R: Array
-    t: Array
-    keypoints_3d: Array
-    """(N, P, 3) metres, object frame: the shape it found, or the one it was given."""
-    seconds: Array
-    """(N,) of each; the same number for all vehicles of one batch call."""
-
-
 def vertex_error_cm(X_true: Array, X: Array, t_true: Array, t: Array) -> Array:
     """e_v of the paper (sec. 4.2.3), in the OBJECT frame: (N, P, 3) twice, (N, 3) twice -> (N,) cm.
 
@@ -52,14 +41,14 @@ def vertex_error_cm(X_true: Array, X: Array, t_true: Array, t: Array) -> Array:
     return np.asarray(100.0 * np.nanmean(np.linalg.norm(X_true - scaled, axis=2), axis=1))
 
 
-def posed_vertex_error_cm(objects: Objects, answers: Answers) -> Array:
+def posed_vertex_error_cm(objects: Vehicles, answers: Answers, shapes: Array) -> Array:
     """The same between the shapes where they stand, in the camera frame: (N,) cm, NaN without an answer.
 
     It has the errors of rotation and direction in it, not that of distance.
     """
     scale = np.linalg.norm(objects.t, axis=1) / np.linalg.norm(answers.t, axis=1)
     true = objects.seen.keypoints_3d @ np.swapaxes(objects.R, 1, 2) + objects.t[:, None]
-    found = answers.keypoints_3d @ np.swapaxes(answers.R, 1, 2) + answers.t[:, None]
+    found = shapes @ np.swapaxes(answers.R, 1, 2) + answers.t[:, None]
     apart = np.linalg.norm(true - scale[:, None, None] * found, axis=2)
     counted = np.isfinite(objects.seen.keypoints_3d[..., 0])
     return np.asarray(100.0 * np.where(counted, apart, 0.0).sum(axis=1) / counted.sum(axis=1))
@@ -75,13 +64,13 @@ class Errors:
     posed_e_v_cm: Array
 
     @classmethod
-    def of(cls, objects: Objects, answers: Answers) -> Errors:
-        """Against the truth of the vehicles."""
+    def of(cls, objects: Vehicles, answers: Answers, shapes: Array) -> Errors:
+        """Against the truth of the vehicles; `shapes` (N, P, 3) metres: those found, or those given."""
         return cls(
             rotation_error_deg(objects.R, answers.R),
             translation_error_percent(objects.t, answers.t),
-            vertex_error_cm(objects.seen.keypoints_3d, answers.keypoints_3d, objects.t, answers.t),
-            posed_vertex_error_cm(objects, answers),
+            vertex_error_cm(objects.seen.keypoints_3d, shapes, objects.t, answers.t),
+            posed_vertex_error_cm(objects, answers, shapes),
         )
 
     def numbers(self, kept: Mask, shapes: bool) -> dict[str, Any]:
@@ -115,7 +104,7 @@ SHORT = ("trials", "mean_e_r_deg", "median_e_r_deg", "mean_e_t_percent", "failur
 """What is stored of groups."""
 
 
-def summary(objects: Objects, errors: Errors, shapes: bool) -> dict[str, Any]:
+def summary(objects: Vehicles, errors: Errors, shapes: bool) -> dict[str, Any]:
     """All vehicles, and under "groups" by distance, class, truncation, occlusion and tilt error."""
     whole = errors.numbers(np.ones(len(objects), bool), shapes)
     found: dict[str, dict[str, Any]] = {}
@@ -125,7 +114,7 @@ def summary(objects: Objects, errors: Errors, shapes: bool) -> dict[str, Any]:
     return whole | {"groups": found}
 
 
-def groups(objects: Objects) -> Iterator[tuple[str, str, Mask]]:
+def groups(objects: Vehicles) -> Iterator[tuple[str, str, Mask]]:
     """(by what, name, members) of every group of FEWEST vehicles and more."""
     kinds = np.array(objects.kinds)
     parts = [

@@ -1,6 +1,6 @@
 """Where the numbers of `box_noise` and `keypoint_noise` come from.
 
-`python -m groundpose.lab.evaluate.simulated.fit` prints them; it needs the real data (GROUNDPOSE_DATA).
+`groundpose evaluate detector` prints them; it needs the real data (GROUNDPOSE_DATA).
 """
 
 from __future__ import annotations
@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from groundpose.lab.data import data_folder
+from groundpose.lab.contenders.objects import Array
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.real_data import kitti
-from groundpose.lab.evaluate.scenes import Array
 from groundpose.lab.evaluate.simulated.box_noise import SIDES, BoxNoise, SideNoise, at_border, draw_boxes
 from groundpose.lab.evaluate.simulated.keypoint_noise import (
     DOUBTFUL,
@@ -34,10 +33,10 @@ from groundpose.lab.evaluate.simulated.keypoint_noise import (
 FREEDOMS = tuple(float(x) for x in np.geomspace(1.5, 12.0, 40))
 ROUNDS = 60
 NEAR, OWN = 0.1, 0.2
-"""A keypoint is at another's place within NEAR, right within OWN, shares of the longer box side."""
+"""A keypoint is at another's place within NEAR, right within OWN, fractions of the longer box side."""
 CONFUSED_TRACK = 402
 """Sequence 4, track 2: a genuine failure of the detector, says the data's own description."""
-COMMAND = "python -m groundpose.lab.evaluate.simulated.fit"
+COMMAND = "groundpose evaluate detector"
 AGREEMENT = Path("results/simulated_detector.json")
 AGREEMENT_SCORES = (0.0, 0.05, 0.3, 0.5, 1.0)
 QUANTILES = (5, 25, 50, 75, 95)
@@ -139,7 +138,7 @@ class Found:
     """(N,)"""
 
     def distances(self) -> Array:
-        """(N, P, P) from keypoint i as found to where keypoint j is, shares of the longer box side."""
+        """(N, P, P) from keypoint i as found to where keypoint j is, fractions of the longer box side."""
         apart = self.keypoints_2d[:, :, None] - self.seen.keypoints_2d[:, None]
         return np.asarray(np.linalg.norm(apart, axis=-1) / self.seen.longer[:, None, None])
 
@@ -269,9 +268,11 @@ def box_agreement(boxes: Detections, seed: int = 0) -> list[dict[str, Any]]:
     return lines
 
 
-def main() -> None:
-    """Print every table, store how well they agree with what they were fitted to."""
-    folder = data_folder()
+def measure(folder: Path) -> None:
+    """Print every table, store how well they agree with what they were fitted to.
+
+    OSError when the real data is not there.
+    """
     boxes, found = detections(folder), found_keypoints(folder)
     error, free = boxes.detected - boxes.label, ~boxes.at_border.any(axis=1)
     for level in range(3):
@@ -286,7 +287,3 @@ def main() -> None:
     agreement = {"keypoints": keypoint_agreement(found), "boxes": box_agreement(boxes)}
     report.write_json(AGREEMENT, {"command": COMMAND, **agreement})
     print(f"wrote {AGREEMENT}")
-
-
-if __name__ == "__main__":
-    main()

@@ -4,7 +4,7 @@ A keypoint draws a band of scores (visible and hidden ones from different shares
 is wrong and how large its noise is when it is not. A wrong one sits at another place: where its left/right
 partner is, where the keypoint is that half a turn puts in its place, on top of another keypoint that was
 found, or anywhere in the box. A share of the objects is confused: keypoints of their hidden end look found,
-half a turn away. `python -m groundpose.lab.evaluate.simulated.fit` fits the numbers to 108 cars
+half a turn away. `groundpose evaluate detector` fits the numbers to 108 cars
 of three tracks.
 
 Left out: the shift that all keypoints of a car share (8 to 10 % of the box, constant over a track: it comes
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from groundpose.lab.evaluate.scenes import Array
+from groundpose.lab.contenders.objects import Array
 
 OUTSIDE, HIDDEN, VISIBLE = 0, 1, 2
 """States of a keypoint: outside the image, behind something or the vehicle itself, seen."""

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 import groundpose as gp
-from groundpose.lab.evaluate.scenes import Array
+from groundpose.lab.contenders.objects import Array, Objects, relative_thresholds
 from groundpose.lab.evaluate.simulated.keypoint_noise import OUTSIDE, Seen
 from groundpose.vehicles import KINDS, keypoint_indices
 
@@ -25,7 +25,7 @@ Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Objects:
+class Vehicles:
     """N vehicles seen by one camera; row k of every array is vehicle k."""
 
     camera: gp.Camera
@@ -44,14 +44,14 @@ class Objects:
         """Number of vehicles."""
         return len(self.kinds)
 
-    def __getitem__(self, rows: slice) -> Objects:
+    def __getitem__(self, rows: slice) -> Vehicles:
         """Some of the vehicles."""
         per_vehicle = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "camera"}
-        return Objects(self.camera, **per_vehicle)
+        return Vehicles(self.camera, **per_vehicle)
 
     @property
     def view(self) -> gp.View:
-        """What a solver is told: no tilt at all (paper, sec. 4.2.1)."""
+        """The nominal one: no tilt at all (paper, sec. 4.2.1)."""
         return gp.View(self.camera)
 
     @property
@@ -61,7 +61,7 @@ class Objects:
 
     @property
     def tilt_error_deg(self) -> Array:
-        """(N,) angle between a vehicle's up axis and the one told, from shaking and slopes together."""
+        """(N,) angle between a vehicle's up axis and the nominal one, from shaking and slopes together."""
         return np.asarray(np.degrees(np.arccos(np.clip(self.R[:, 1, 1], -1.0, 1.0))))
 
     @cached_property
@@ -75,6 +75,22 @@ class Objects:
         """Each vehicle's class (G2); `model` gives the one of a class."""
         each = {kind: model(kind) for kind in dict.fromkeys(self.kinds)}
         return [each[kind] for kind in self.kinds]
+
+    def given(
+        self, keypoints_2d: Array, scores: Array, bboxes: Array, models: list[gp.ShapeModel]
+    ) -> Objects:
+        """What contenders are given of the vehicles when this is seen of them."""
+        return Objects(
+            view=self.view,
+            keypoints_2d=keypoints_2d,
+            keypoint_scores=scores,
+            bboxes=bboxes,
+            models=models,
+            inlier_threshold=relative_thresholds(bboxes),
+            R=self.R,
+            t=self.t,
+            fewest_points=4,
+        )
 
 
 @dataclass(frozen=True)
@@ -98,7 +114,7 @@ WIDTH = max(len(keypoint_indices(kind)) for kind in KINDS)
 
 
 @lru_cache(maxsize=1)
-def collect(count: int, seed: int) -> Objects:
+def collect(count: int, seed: int) -> Vehicles:
     """The first `count` vehicles of the drive's test split that KITTI would count; vehicle k depends on
     (seed, k) only."""
     from groundpose.lab.drive.drive import scene
@@ -127,7 +143,7 @@ def counts(row: Row) -> bool:
     )
 
 
-def from_rows(camera: gp.Camera, rows: Sequence[Row], width: int = WIDTH) -> Objects:
+def from_rows(camera: gp.Camera, rows: Sequence[Row], width: int = WIDTH) -> Vehicles:
     """Rows in one, padded to `width` keypoints."""
     seen = Seen(
         _padded([row.keypoints_2d for row in rows], width, np.nan),
@@ -135,7 +151,7 @@ def from_rows(camera: gp.Camera, rows: Sequence[Row], width: int = WIDTH) -> Obj
         _padded([row.keypoints_3d for row in rows], width, np.nan),
         np.stack([row.bbox for row in rows]),
     )
-    return Objects(
+    return Vehicles(
         camera=camera,
         seen=seen,
         kinds=tuple(row.kind for row in rows),

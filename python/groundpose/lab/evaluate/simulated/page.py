@@ -7,22 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from groundpose.lab.contenders.own import DEFAULT, NEVER_REFUSES, UP2P_NEVER_REFUSES
+from groundpose.lab.contenders.use import CUT, NO_SCORES, WEIGHTS
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.experiments.store import Store
-from groundpose.lab.evaluate.methods import DEFAULT
-from groundpose.lab.evaluate.simulated.contest import (
-    CUT,
-    NEVER_REFUSES,
-    NO_SCORES,
-    OWN,
-    SIMPLE,
-    SLOW,
-    UP2P,
-    WEIGHTS,
-)
 from groundpose.lab.evaluate.simulated.fit import AGREEMENT, COMMAND, QUANTILES
-from groundpose.lab.evaluate.simulated.run import BOXES, DETECTORS, EXPERIMENTS, SETTINGS, Setting
+from groundpose.lab.evaluate.simulated.run import BOXES, DETECTORS, EXPERIMENTS, SETTINGS, SLOW, Setting
 
+OWN = (DEFAULT, NEVER_REFUSES, UP2P_NEVER_REFUSES)
+SIMPLE = {"G1": "gn", "G2": "re"}
+"""The refinement that the paper compares HRE with."""
 PAGE = Path("docs/experiments_simulated.md")
 INTRODUCTION = """\
 The paper's experiments on a driving simulator (sec. 4.2, Table 2), on our own virtual drive: vehicles of four
@@ -79,7 +73,7 @@ ERRORS = {
     "G2": {"e_r deg": "mean_e_r_deg", "e_v cm": "mean_e_v_cm"},
 }
 KNOWN = {"G1": "Known models (G1)", "G2": "Shape models (G2)"}
-RIVALS_OF_BAR = {
+TO_REACH = {
     "G1": ("RNSC-P3P+HRE", "PoseLib tuned", "PoseLib"),
     "G2": tuple(f"RNSC-{solver}+{refinement}" for solver in ("P1P", "P3P") for refinement in ("RE", "HRE")),
 }
@@ -117,13 +111,13 @@ def _number(value: float | None, best: float | None) -> str | None:
     return f"**{value:.2f}**" if value == best else f"{value:.2f}"
 
 
-def bars(store: Store, setting: Setting, scores: bool) -> list[dict[str, Any]]:
+def reached(store: Store, setting: Setting, scores: bool) -> list[dict[str, Any]]:
     """Our default and variants of it against the best of the rows they have to reach, means.
 
     "noise" is the standard error of the difference between the default and that row, taken as independent.
     """
     cell, names = store.results.get(setting.key, {}), methods(store.experiment, scores)
-    rows = {row: names[row] for row in RIVALS_OF_BAR[store.experiment] if names[row] in cell}
+    rows = {row: names[row] for row in TO_REACH[store.experiment] if names[row] in cell}
     ours = {method.name: names[method.name] for method in OWN}
     if not rows or not set(ours.values()) <= set(cell):
         return []
@@ -202,7 +196,7 @@ def render(stores: Stores, agreement: dict[str, Any]) -> str:
                 how = f"{boxes.capitalize()}, {'with' if scores else 'without'} scores"
                 parts += [f"### {how}", table_2(store, boxes, scores)]
         parts += [f"The paper, {PAPER[experiment]}."]
-        lines = [line for s in SETTINGS for scores in (False, True) for line in bars(store, s, scores)]
+        lines = [line for s in SETTINGS for scores in (False, True) for line in reached(store, s, scores)]
         met = {m.name: sum(line[f"{m.name}, met"] for line in lines) for m in OWN}
         parts += ["### Our default against the best of the rows it has to reach"]
         parts += [
@@ -224,7 +218,12 @@ def render(stores: Stores, agreement: dict[str, Any]) -> str:
 
 def _introduction() -> str:
     detectors = "\n".join(f"  - {d.name}, quality {d.quality:g}: {d.note}" for d in DETECTORS)
-    names = {"default": DEFAULT.name, "never": NEVER_REFUSES.name, "up2p": UP2P.name, "slow": SLOW}
+    names = {
+        "default": DEFAULT.name,
+        "never": NEVER_REFUSES.name,
+        "up2p": UP2P_NEVER_REFUSES.name,
+        "slow": SLOW,
+    }
     return INTRODUCTION.format(detectors=detectors, cut=CUT, weights=WEIGHTS, **names)
 
 
@@ -259,3 +258,11 @@ def write(folder: Path, page: Path = PAGE, agreement: Path = AGREEMENT) -> Path:
     page.parent.mkdir(parents=True, exist_ok=True)
     page.write_text(render(stores, report.read_json(agreement)), encoding="utf-8")
     return page
+
+
+def write_stored(root: Path) -> Path | None:
+    """The page from the results of the repository; None when there are none."""
+    folder = root / "results" / "experiments"
+    if not any((folder / f"{name}.json").exists() for name in EXPERIMENTS):
+        return None
+    return write(folder, root / PAGE, root / AGREEMENT)

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 import groundpose as gp
-from groundpose.lab.evaluate.experiments.outcome import CHUNK
+from groundpose.lab import timing
+from groundpose.lab.contenders.contender import Contender
+from groundpose.lab.contenders.libraries import Library
+from groundpose.lab.contenders.objects import Objects
+from groundpose.lab.contenders.registry import TO_BEAT, installed
+from groundpose.lab.contenders.use import Use, batched, with_scores, without_scores
 from groundpose.lab.evaluate.experiments.run import Advance
 from groundpose.lab.evaluate.experiments.store import Store
 from groundpose.lab.evaluate.simulated.box_noise import draw_boxes
-from groundpose.lab.evaluate.simulated.contest import Contestant, Given, contestants
 from groundpose.lab.evaluate.simulated.errors import Errors, summary
 from groundpose.lab.evaluate.simulated.keypoint_noise import Detector
-from groundpose.lab.evaluate.simulated.objects import Objects, collect
+from groundpose.lab.evaluate.simulated.objects import Vehicles, collect
 from groundpose.vehicles import shape_model
 
 EXPERIMENTS = ("G1", "G2")
@@ -27,7 +30,7 @@ DETECTORS = (
     Detector("Res50-like", 0.25, "as small networks were found to be on pictures of the kind they learned"),
 )
 BOXES = ("true boxes", "detected boxes")
-Source = Callable[[int, int], Objects]
+Source = Callable[[int, int], Vehicles]
 """Count and seed to vehicles."""
 Model = Callable[[str], gp.ShapeModel]
 """Class to shape model."""
@@ -45,27 +48,53 @@ class Setting:
         """Its name in stored results."""
         return f"{self.detector.name}, {self.boxes}"
 
-    def given(self, experiment: str, objects: Objects, seed: int, model: Model) -> Given:
-        """What methods are given; the same for G1 and G2 but for the models."""
-        keypoints, scores = self.detector(objects.seen, seed)
-        boxes = objects.seen.bboxes
+    def given(self, experiment: str, vehicles: Vehicles, seed: int, model: Model) -> Objects:
+        """What contenders are given; the same for G1 and G2 but for the models."""
+        keypoints, scores = self.detector(vehicles.seen, seed)
+        boxes = vehicles.seen.bboxes
         if self.boxes == "detected boxes":
-            size = objects.camera.image_size
+            size = vehicles.camera.image_size
             assert size is not None
-            boxes = draw_boxes(boxes, objects.occlusion, size, seed)
-        models = objects.known_models if experiment == "G1" else objects.class_models(model)
-        return Given(objects, keypoints, scores, boxes, models)
+            boxes = draw_boxes(boxes, vehicles.occlusion, size, seed)
+        models = vehicles.known_models if experiment == "G1" else vehicles.class_models(model)
+        return vehicles.given(keypoints, scores, boxes, models)
 
 
 SETTINGS = tuple(Setting(detector, boxes) for detector in DETECTORS for boxes in BOXES)
 
 
-def select(experiment: str, methods: list[str] | None) -> list[Contestant]:
+SLOW = 2000
+"""Vehicles that a slow contender is given."""
+
+
+def everybody(experiment: str) -> list[Use]:
+    """Everybody that can run here, without scores first."""
+    those = installed(experiment)
+    return [use(one) for use in (without_scores, with_scores) for one in those]
+
+
+def most(contender: Contender) -> int | None:
+    """How many vehicles it is given, the first ones; fewer for a library that takes a millisecond each."""
+    base = contender.contender if isinstance(contender, Use) else contender
+    return SLOW if isinstance(base, Library) and base.name != TO_BEAT else None
+
+
+def measure(
+    contender: Contender, objects: Objects, vehicles: Vehicles, shapes: bool
+) -> tuple[dict[str, Any], float]:
+    """Numbers, and microseconds per vehicle of this thread."""
+    some, truth = objects[: most(contender)], vehicles[: most(contender)]
+    answers = batched(contender, timing.CHUNK).solve(some, timing.thread_clock())
+    errors = Errors.of(truth, answers, some.shapes(answers.shape_coefficients))
+    return summary(truth, errors, shapes), timing.microseconds(answers.seconds)
+
+
+def select(experiment: str, methods: list[str] | None) -> list[Use]:
     """Those of `methods`. ValueError for a name that neither experiment has."""
-    known = contestants(experiment)
+    known = everybody(experiment)
     if methods is None:
         return known
-    everywhere = {c.name for name in EXPERIMENTS for c in contestants(name)}
+    everywhere = {c.name for name in EXPERIMENTS for c in everybody(name)}
     if unknown := [name for name in methods if name not in everywhere]:
         raise ValueError(f"methods: expected some of {'; '.join(everywhere)}, got {'; '.join(unknown)}")
     return [c for c in known if c.name in methods]
@@ -95,26 +124,17 @@ def run(
     advance(0, total, "the drive")
     if total == 0:
         return store
-    objects = source(vehicles, seed)
-    order = [c.name for c in contestants(experiment)]
+    drive = source(vehicles, seed)
+    order = [c.name for c in everybody(experiment)]
     for setting, some in left:
-        given = setting.given(experiment, objects, seed, model) if some else None
-        for contestant in some:
+        given = setting.given(experiment, drive, seed, model) if some else None
+        for contender in some:
             assert given is not None
-            advance(done, total, f"{setting.key}, {contestant.name}")
-            part = given[: contestant.most]
-            answers = contestant(part)
-            numbers = summary(part.objects, Errors.of(part.objects, answers), experiment == "G2")
-            store.add(
-                setting.key, {contestant.name: numbers}, {contestant.name: microseconds(answers.seconds)}
-            )
-            store.write([s.key for s in SETTINGS], {contestant.name: contestant.note}, order)
+            name = contender.name
+            advance(done, total, f"{setting.key}, {name}")
+            numbers, microseconds = measure(contender, given, drive, experiment == "G2")
+            store.add(setting.key, {name: numbers}, {name: microseconds})
+            store.write([s.key for s in SETTINGS], {name: contender.note}, order)
             done += 1
     advance(total, total, "")
     return Store.read(store.path)
-
-
-def microseconds(seconds: np.ndarray) -> float:
-    """Median over chunks of the mean time a vehicle."""
-    parts = np.array_split(seconds, max(len(seconds) // CHUNK, 1))
-    return 1e6 * float(np.median([np.mean(part) for part in parts]))

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from groundpose.lab.evaluate.baselines.geometry import Array, Pose, best_pose
-from groundpose.lab.evaluate.baselines.quaternion import minima, rotation_entries
+from groundpose.lab.contenders.baselines.geometry import Array, Pose, best_pose
+from groundpose.lab.contenders.baselines.quaternion import minima, rotation_entries
 
 
 def opnp(X: Array, x: Array) -> Pose | None:

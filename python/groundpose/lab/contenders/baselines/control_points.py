@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from groundpose.lab.evaluate.baselines.geometry import Array, Pose, align, best_pose
+from groundpose.lab.contenders.baselines.geometry import Array, Pose, align, best_pose
 
 PLANAR = 1e-6
 """Thickness over extent below which an object counts as planar."""

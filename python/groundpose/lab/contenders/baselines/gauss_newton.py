@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from groundpose.lab.evaluate.baselines.geometry import Array, Pose
+from groundpose.lab.contenders.baselines.geometry import Array, Pose
 
 
 def gauss_newton(X: Array, x: Array, start: Pose, iterations: int = 10) -> Pose:

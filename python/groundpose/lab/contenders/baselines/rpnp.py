@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from groundpose.lab.evaluate.baselines.geometry import Array, Pose, align, best_pose, turn_between
+from groundpose.lab.contenders.baselines.geometry import Array, Pose, align, best_pose, turn_between
 
 
 def rpnp(X: Array, x: Array) -> Pose | None:

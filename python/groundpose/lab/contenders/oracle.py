@@ -11,9 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from groundpose.lab.contenders.contender import Answers
+from groundpose.lab.contenders.objects import Array, Objects
+from groundpose.lab.timing import Clock
 
 ITERATIONS = 30
+CHUNK = 100
+"""Objects that are solved at once."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ def solve_6dof(problem: Problem, R: Array, t: Array) -> tuple[Array, Array]:
 
 
 def solve_4dof(problem: Problem, R: Array, t: Array, R_camera_from_ground: Array) -> tuple[Array, Array]:
-    """Least squares over yaw and translation, upright in the ground frame of the TOLD tilt (3, 3).
+    """Least squares over yaw and translation, upright in the ground frame of the NOMINAL tilt (3, 3).
 
     The start keeps the yaw of R as seen in that frame and drops the rest.
     """
@@ -113,3 +117,47 @@ def _solve(problem: Problem, R: Array, t: Array, axis: Array | None) -> tuple[Ar
         if converged:
             break
     return R, t
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """Least squares on the true inliers of objects with known truth: a floor beside the contenders."""
+
+    degrees_of_freedom: int
+    """6, or 4: upright in the nominal ground frame."""
+    weighs_scores: bool = False
+    slow_with_outliers: bool = False
+
+    @property
+    def name(self) -> str:
+        """By its degrees of freedom."""
+        return f"oracle {self.degrees_of_freedom}-DoF"
+
+    @property
+    def note(self) -> str:
+        """What it knows."""
+        if self.degrees_of_freedom == 6:
+            return "least squares on the true inliers"
+        return "the same, upright in the nominal ground frame"
+
+    def missing(self) -> str | None:
+        """It is always there."""
+        return None
+
+    def solve(self, objects: Objects, clock: Clock) -> Answers:
+        """See `Contender`. Not timed: it starts at the truth."""
+        assert objects.inlier_truth is not None
+        parts = []
+        for first in range(0, len(objects), CHUNK):  # memory: a Jacobian of 1000 scenes is half a gigabyte
+            part = objects[first : first + CHUNK]
+            assert part.inlier_truth is not None
+            c = part.camera
+            problem = Problem(
+                part.keypoints_2d, part.keypoints_3d, part.inlier_truth, (c.fx, c.fy, c.cx, c.cy)
+            )
+            if self.degrees_of_freedom == 6:
+                parts.append(solve_6dof(problem, part.R, part.t))
+            else:
+                parts.append(solve_4dof(problem, part.R, part.t, part.view.R_camera_from_ground))
+        R, t = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Answers(R, t, np.full(len(objects), np.nan))

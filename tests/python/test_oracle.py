@@ -2,19 +2,20 @@
 
 import numpy as np
 import pytest
-from groundpose.lab.evaluate import oracle
-from groundpose.lab.evaluate.scenes import Scenes, generate
+from groundpose.lab.contenders import oracle
+from groundpose.lab.contenders.objects import Objects
+from groundpose.lab.evaluate.scenes import generate
 from groundpose.lab.metrics import rotation_error_deg, translation_error_percent
 
 
-def problem_of(scenes: Scenes) -> oracle.Problem:
+def problem_of(scenes: Objects) -> oracle.Problem:
     c = scenes.camera
     return oracle.Problem(
         scenes.keypoints_2d, scenes.keypoints_3d, scenes.inlier_truth, (c.fx, c.fy, c.cx, c.cy)
     )
 
 
-def pushed(scenes: Scenes, radians: float, metres: float) -> tuple[np.ndarray, np.ndarray]:
+def pushed(scenes: Objects, radians: float, metres: float) -> tuple[np.ndarray, np.ndarray]:
     """The true poses, turned and moved a little."""
     rng = np.random.default_rng(5)
     turn = oracle.rotation_from_vector(radians * rng.standard_normal((len(scenes), 3)))

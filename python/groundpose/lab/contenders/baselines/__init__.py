@@ -5,11 +5,11 @@ normalised image points `x` (n, 2) = K^-1 u, and answers with a pose (R, t), `Y 
 None. A file imports `geometry` (and its neighbours `quaternion`, `control_points`) only.
 """
 
-from groundpose.lab.evaluate.baselines.aspnp import aspnp
-from groundpose.lab.evaluate.baselines.eppnp import eppnp
-from groundpose.lab.evaluate.baselines.gauss_newton import gauss_newton
-from groundpose.lab.evaluate.baselines.opnp import opnp
-from groundpose.lab.evaluate.baselines.reppnp import reppnp
-from groundpose.lab.evaluate.baselines.rpnp import rpnp
+from groundpose.lab.contenders.baselines.aspnp import aspnp
+from groundpose.lab.contenders.baselines.eppnp import eppnp
+from groundpose.lab.contenders.baselines.gauss_newton import gauss_newton
+from groundpose.lab.contenders.baselines.opnp import opnp
+from groundpose.lab.contenders.baselines.reppnp import reppnp
+from groundpose.lab.contenders.baselines.rpnp import rpnp
 
 __all__ = ["aspnp", "eppnp", "gauss_newton", "opnp", "reppnp", "rpnp"]

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from groundpose.lab.evaluate.baselines.control_points import System
-from groundpose.lab.evaluate.baselines.geometry import Array, Pose
+from groundpose.lab.contenders.baselines.control_points import System
+from groundpose.lab.contenders.baselines.geometry import Array, Pose
 
 DELTA_FACTOR = 1.4
 """k of delta_max = k t_in / f (groundpose paper, sec. 4.1.3, as recommended by Ferraz et al.)."""

@@ -11,7 +11,7 @@ import itertools
 
 import numpy as np
 
-from groundpose.lab.evaluate.baselines.geometry import Array
+from groundpose.lab.contenders.baselines.geometry import Array
 
 KEEP = 8
 """Starts that are followed to the end after the first steps."""

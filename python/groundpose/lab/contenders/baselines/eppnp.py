@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from groundpose.lab.evaluate.baselines.control_points import System
-from groundpose.lab.evaluate.baselines.geometry import Array, Pose
+from groundpose.lab.contenders.baselines.control_points import System
+from groundpose.lab.contenders.baselines.geometry import Array, Pose
 
 
 def eppnp(X: Array, x: Array) -> Pose | None:

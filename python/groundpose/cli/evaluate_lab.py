@@ -1,0 +1,120 @@
+"""`groundpose evaluate targets | real | networks | shapes | detector | pages`: what docs/ shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from groundpose.cli.output import console, mistakes
+
+SOLVER, REAL = Path("results/solver.json"), Path("results/real.json")
+Data = Annotated[Path | None, typer.Option(help="Folder of the real data; none: GROUNDPOSE_DATA.")]
+
+
+def targets(
+    trials: Annotated[int, typer.Option(min=1, help="Trials per setting.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the scenes.")] = 0,
+    out: Annotated[Path, typer.Option("-o", "--out", help="JSON file of the numbers.")] = SOLVER,
+    only: Annotated[str, typer.Option(metavar="ROW,...", help="Some rows; the others are kept.")] = "",
+) -> None:
+    """What the solver must show, measured: exit status 1 when a target is not met.
+
+    Numbers other than times depend on trials and seed only. Times want a quiet machine.
+
+    [bold]Examples[/bold]
+
+      groundpose evaluate targets --only v1,time -o /tmp/targets.json
+    """
+    from groundpose.lab.evaluate.targets import measure
+
+    with mistakes():
+        try:
+            met = measure(trials, seed, out, only, console())
+        except ValueError as error:
+            raise TypeError(str(error)) from error  # a usage error: one line and status 2
+        typer.echo(f"Numbers: {out.resolve()}")
+        if out == SOLVER:
+            _results_page()
+    if not met:
+        raise typer.Exit(1)
+
+
+def real(
+    data: Data = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="JSON file of the numbers.")] = REAL,
+) -> None:
+    """Ours beside other contenders on keypoints of a real CNN (KITTI) and hand-labelled ones (ApolloCar3D).
+
+    [bold]Examples[/bold]
+
+      groundpose evaluate real --data data -o real.json
+    """
+    from groundpose.lab.data import data_folder
+    from groundpose.lab.evaluate.real import measure
+    from groundpose.lab.evaluate.report import write_json
+
+    with mistakes():
+        write_json(out, measure(data_folder(data), typer.echo))
+        typer.echo(f"Numbers: {out.resolve()}")
+        if out == REAL:
+            _results_page()
+
+
+def networks(
+    network: Annotated[list[str] | None, typer.Argument(help="NAME=FILE of trained networks.")] = None,
+    crops: Annotated[Path, typer.Option(help="Folder of crops with a test split.")] = Path("data/crops"),
+    seed: Annotated[int, typer.Option(min=0, help="Seed of detected boxes.")] = 0,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Measure everything again.")] = False,
+) -> None:
+    """Accuracy and cost of keypoint networks, for docs/model.md (extra train).
+
+    [bold]Examples[/bold]
+
+      groundpose evaluate networks default=python/groundpose/keypoints/models/default.onnx
+    """
+    from groundpose.lab.evaluate.networks.measure import measure
+
+    with mistakes():
+        out = measure(Path(), network or [], crops, seed, fresh, typer.echo)
+        typer.echo(f"Numbers: {out.resolve()}")
+
+
+def shapes(data: Data = None) -> None:
+    """What the shape models hold and which real cars they reach, for docs/vehicles.md."""
+    from groundpose.lab.evaluate.shape_check import measure
+
+    with mistakes():
+        for path in measure(Path(), data):
+            typer.echo(f"Written: {path.resolve()}")
+
+
+def detector(data: Data = None) -> None:
+    """The numbers of the simulated detector, fitted to real detections, and how well they agree."""
+    from groundpose.lab.data import data_folder
+    from groundpose.lab.evaluate.simulated.fit import measure
+
+    with mistakes():
+        measure(data_folder(data))
+
+
+def pages() -> None:
+    """Write the pages of docs/ again from the stored results; nothing is measured."""
+    from groundpose.lab.bench import page as performance
+    from groundpose.lab.evaluate import real_page, report
+    from groundpose.lab.evaluate.networks import page as network_page
+    from groundpose.lab.evaluate.simulated import page as simulated
+
+    with mistakes():
+        root = Path()
+        written = [report.write_page(root), real_page.write_page(root), performance.write_page(root)]
+        written += [network_page.write_stored(root), simulated.write_stored(root)]
+        for path in filter(None, written):
+            typer.echo(f"Page: {path.resolve()}")
+
+
+def _results_page() -> None:
+    from groundpose.lab.evaluate.report import write_page
+
+    typer.echo(f"Page: {write_page(Path()).resolve()}")
