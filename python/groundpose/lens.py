@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from groundpose._checks import input_error, shaped, text
 
 DEFAULT_LENS = "brown_conrady"
+"""Moves no point when its coefficients are 0, which other models may."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from groundpose._checks import FloatArray, input_error
 from groundpose.formats.content import Content
 from groundpose.formats.conversions import to_quaternions
 from groundpose.formats.fields import Field
-from groundpose.lens import LENSES, lens_of
+from groundpose.lens import DEFAULT_LENS, LENSES, lens_of
 from groundpose.types import Camera, View
 
 
@@ -49,7 +49,8 @@ def read_camera_info(content: Content) -> View:
     sides = [re.search(rf"(?m)^{side}\s*:\s*(\d+)", content.text) for side in ("width", "height")]
     width, height = (int(match.group(1)) if match else 0 for match in sides)
     matrix, size = np.array(K).reshape(3, 3), (width, height) if width and height else None
-    return View(Camera.from_K(matrix, distortion if np.any(distortion) else None, size, lens))
+    ideal = lens == DEFAULT_LENS and not np.any(distortion)
+    return View(Camera.from_K(matrix, None if ideal or not distortion else distortion, size, lens))
 
 
 def _numbers(content: Content, name: str) -> list[float]:
@@ -67,14 +68,16 @@ def _numbers(content: Content, name: str) -> list[float]:
 def format_opencv_yaml(camera: Camera) -> str:
     """As OpenCV's FileStorage writes it; read by it, by ROS and by `Camera.from_opencv_yaml`."""
     head = "%YAML:1.0\n---\n" + _size_lines(camera, "image_")
-    model = f"distortion_model: {LENSES[camera.lens].ros}\n"
-    distortion = _distortion(camera).reshape(-1, 1)
-    return head + _matrix("camera_matrix", camera.K) + model + _matrix("distortion_coefficients", distortion)
+    model, distortion = _distortion(camera)
+    head += _matrix("camera_matrix", camera.K) + f"distortion_model: {model}\n"
+    return head + _matrix("distortion_coefficients", distortion.reshape(-1, 1))
 
 
-def _distortion(camera: Camera) -> FloatArray:
-    """Coefficients (n,), zeros without distortion."""
-    return np.array(camera.distortion or (0.0,) * len(LENSES[camera.lens].coefficients))
+def _distortion(camera: Camera) -> tuple[str, FloatArray]:
+    """ROS's name of the lens model and the coefficients (n,); without distortion zeros of the default one."""
+    lens = DEFAULT_LENS if camera.distortion is None else camera.lens
+    model = LENSES[lens]
+    return model.ros, np.array(camera.distortion or (0.0,) * len(model.coefficients))
 
 
 def _matrix(name: str, a: FloatArray) -> str:
@@ -86,9 +89,10 @@ def _matrix(name: str, a: FloatArray) -> str:
 def format_camera_info(camera: Camera) -> str:
     """A camera_info message as ROS 1 prints it: for `rostopic pub` and readers of such files."""
     P = np.hstack([camera.K, np.zeros((3, 1))])
-    rows = {"D": _distortion(camera), "K": camera.K, "R": np.eye(3), "P": P}
+    model, distortion = _distortion(camera)
+    rows = {"D": distortion, "K": camera.K, "R": np.eye(3), "P": P}
     lines = "".join(f"{name}: {json.dumps(a.ravel().tolist())}\n" for name, a in rows.items())
-    return f"{_size_lines(camera, '')}distortion_model: {LENSES[camera.lens].ros}\n{lines}"
+    return f"{_size_lines(camera, '')}distortion_model: {model}\n{lines}"
 
 
 def _size_lines(camera: Camera, prefix: str) -> str:
