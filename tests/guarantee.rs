@@ -91,9 +91,9 @@ fn the_papers_four_cases_miss_some_views_and_are_among_all() {
         assert!(paper.iter().all(|p| all.contains(p)), "scene {k}");
         missed += u64::from(nearest(&paper, &case.truth) > 1e-3);
     }
-    let share = missed as f64 / count as f64;
-    println!("the paper's cases miss {:.1} % of the truths", 100.0 * share);
-    assert!((0.02..0.25).contains(&share), "{share}");
+    let fraction = missed as f64 / count as f64;
+    println!("the paper's cases miss {:.1} % of the truths", 100.0 * fraction);
+    assert!((0.02..0.25).contains(&fraction), "{fraction}");
 }
 
 #[test]

@@ -14,7 +14,7 @@ use crate::geometry::math::norm2;
 /// ```
 /// use groundpose::Lens;
 ///
-/// let [(name, with_coefficients)] = Lens::MODELS;
+/// let (name, with_coefficients) = Lens::MODELS[0];
 /// let lens = with_coefficients(&[-0.3, 0.1, 0.0, 0.0, 0.0]).expect("five coefficients");
 /// assert_eq!((lens.name(), lens.coefficients()[0]), (name, -0.3));
 /// assert_eq!(with_coefficients(&[-0.3, 0.1]), None, "another number of coefficients");
