@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "LENSES",
     "SOLVERS",
     "STATUS",
     "STOP_REASONS",
@@ -29,6 +30,7 @@ _Floats = NDArray[np.float64]
 STATUS: list[str]
 STOP_REASONS: list[str]
 SOLVERS: list[str]
+LENSES: list[str]
 
 class InputError(ValueError):
     """A mistake in an argument. The message says which one, what was expected and what was given."""
@@ -41,8 +43,9 @@ class Camera:
         fy: float,
         cx: float,
         cy: float,
-        distortion: tuple[float, float, float, float, float] | None = None,
+        distortion: tuple[float, ...] | None = None,
         image_size: tuple[float, float] | None = None,
+        lens: str = ...,
     ) -> Camera: ...
     @property
     def fx(self) -> float: ...
@@ -56,6 +59,8 @@ class Camera:
     def distortion(self) -> list[float] | None: ...
     @property
     def image_size(self) -> list[float] | None: ...
+    def project(self, points_camera: _Floats) -> _Floats: ...
+    def rays(self, pixels: _Floats) -> _Floats: ...
     def undistort(self, pixels: _Floats) -> _Floats: ...
     def distort(self, pixels: _Floats) -> _Floats: ...
 
@@ -78,7 +83,6 @@ class View:
     def R_camera_from_ground(self) -> _Floats: ...
     def horizon(self) -> tuple[float, float, float]: ...
     def side_planes(self, left: float, right: float) -> _Floats: ...
-    def project(self, points: _Floats) -> _Floats: ...
 
 @final
 class Model:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from groundpose._checks import FloatArray, input_error
+from groundpose.lens import lens_of
 
 Path_ = str | PathLike[str]
 
@@ -32,11 +33,12 @@ def read_kitti_projection(path: Path_, name: str = "P2") -> FloatArray:
     raise input_error(str(path), f"a KITTI calibration file with a line {name}", "none")
 
 
-def read_opencv_yaml(path: Path_) -> tuple[FloatArray, FloatArray, tuple[int, int] | None]:
-    """`(K, distortion, image_size)` from a file of OpenCV's FileStorage or of ROS camera_calibration.
+def read_opencv_yaml(path: Path_) -> tuple[FloatArray, FloatArray, tuple[int, int] | None, str]:
+    """`(K, distortion, image_size, lens)` from a file of OpenCV's FileStorage or of ROS camera_calibration.
 
-    Read are `camera_matrix`, `distortion_coefficients` (absent: none) and `image_width`,
-    `image_height` (absent: None), in any spelling of upper and lower case. Raises `InputError`.
+    Read are `camera_matrix`, `distortion_coefficients` (absent: none), `image_width` and
+    `image_height` (absent: None), in any spelling of upper and lower case, and the name of the lens
+    model. Raises `InputError`.
     """
     text = Path(path).read_text(encoding="utf-8")
     K = _yaml_matrix(text, "camera_matrix")
@@ -46,7 +48,8 @@ def read_opencv_yaml(path: Path_) -> tuple[FloatArray, FloatArray, tuple[int, in
     size = [re.search(rf"(?im)^image_{side}\s*:\s*(\d+)", text) for side in ("width", "height")]
     width, height = (int(match.group(1)) if match else None for match in size)
     image_size = (width, height) if width is not None and height is not None else None
-    return K.reshape(3, 3), np.zeros(0) if distortion is None else distortion, image_size
+    distortion = np.zeros(0) if distortion is None else distortion
+    return K.reshape(3, 3), distortion, image_size, lens_of(text, str(path))
 
 
 def _yaml_matrix(text: str, name: str) -> FloatArray | None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ from groundpose import _core
 from groundpose._checks import (
     FloatArray,
     finite,
+    float_array,
     input_error,
     integer,
     number,
@@ -22,6 +24,7 @@ from groundpose._checks import (
 )
 from groundpose._value import Value
 from groundpose.calibration import read_kitti_projection, read_opencv_yaml
+from groundpose.lens import DEFAULT_LENS, LENSES, lens_name
 
 
 @dataclass(frozen=True)
@@ -31,8 +34,10 @@ class Camera(Value):
     Args:
         fx, fy: focal lengths in pixels, positive.
         cx, cy: principal point in pixels.
-        distortion: `k1, k2, p1, p2[, k3]` of OpenCV's model, undone on the way in. None: none.
+        distortion: coefficients of the lens model, undone on the way in; `k1, k2, p1, p2[, k3]` of OpenCV's
+            model. None: none.
         image_size: `(width, height)` in pixels; tells which box sides are cut by the image border.
+        lens: the lens model, a name in `groundpose.lens.LENSES`.
 
     Raises:
         InputError: a number that cannot be. TypeError: not a number.
@@ -42,16 +47,19 @@ class Camera(Value):
     fy: float
     cx: float
     cy: float
-    distortion: tuple[float, float, float, float, float] | None = None
+    distortion: tuple[float, ...] | None = None
     image_size: tuple[int, int] | None = None
+    lens: str = DEFAULT_LENS
     _handle: _core.Camera = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check the numbers; the core keeps a copy."""
         values = {name: number(name, getattr(self, name)) for name in ("fx", "fy", "cx", "cy")}
-        distortion = None if self.distortion is None else _distortion(self.distortion)
+        model, distortion = LENSES[lens_name("lens", self.lens)], self.distortion
+        if distortion is not None:
+            distortion = model.checked("distortion", distortion)
         size = None if self.image_size is None else _image_size(self.image_size)
-        handle = _core.Camera(**values, distortion=distortion, image_size=size)
+        handle = _core.Camera(**values, distortion=distortion, image_size=size, lens=self.lens)
         self._set(**values, distortion=distortion, image_size=size, _handle=handle)
 
     @classmethod
@@ -60,6 +68,7 @@ class Camera(Value):
         K: ArrayLike,
         distortion: Sequence[float] | None = None,
         image_size: tuple[int, int] | None = None,
+        lens: str = DEFAULT_LENS,
     ) -> Camera:
         """From the 3 x 3 matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`; its transpose is refused."""
         a = finite("K", shaped("K", K, (3, 3)))
@@ -67,7 +76,7 @@ class Camera(Value):
             raise input_error("K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", "its transpose; pass K.T")
         if a[0, 1] != 0.0 or a[1, 0] != 0.0 or np.any(a[2] != [0.0, 0.0, 1.0]):
             raise input_error("K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew", a.tolist())
-        return cls(a[0, 0], a[1, 1], a[0, 2], a[1, 2], distortion, image_size)  # type: ignore[arg-type]
+        return cls(a[0, 0], a[1, 1], a[0, 2], a[1, 2], distortion, image_size, lens)  # type: ignore[arg-type]
 
     @classmethod
     def from_fov(cls, width: int, height: int, horizontal_fov: float) -> Camera:
@@ -93,15 +102,24 @@ class Camera(Value):
     @classmethod
     def from_opencv_yaml(cls, path: str | PathLike[str]) -> Camera:
         """From a YAML file written by OpenCV's FileStorage or by ROS camera_calibration."""
-        K, distortion, image_size = read_opencv_yaml(path)
-        if np.any(distortion[5:] != 0.0):
-            raise input_error("distortion_coefficients", "k1, k2, p1, p2, k3", f"{len(distortion)} numbers")
-        return cls.from_K(K, distortion[:5].tolist() if distortion.size else None, image_size)
+        K, distortion, image_size, lens = read_opencv_yaml(path)
+        names = LENSES[lens].coefficients
+        if np.any(distortion[len(names) :] != 0.0):
+            raise input_error("distortion_coefficients", ", ".join(names), f"{len(distortion)} numbers")
+        return cls.from_K(K, distortion[: len(names)].tolist() if distortion.size else None, image_size, lens)
 
     @property
     def K(self) -> FloatArray:
         """`[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def project(self, points_camera: ArrayLike) -> FloatArray:
+        """Undistorted pixels (..., 2) of points (..., 3) of the camera frame; NaN behind the camera."""
+        return _row_by_row("points_camera", points_camera, 3, self._handle.project)
+
+    def rays(self, pixels: ArrayLike) -> FloatArray:
+        """Directions (..., 3), with z = 1, of undistorted pixels (..., 2): the inverse of `project`."""
+        return _row_by_row("pixels", pixels, 2, self._handle.rays)
 
     def undistort(self, pixels: ArrayLike) -> FloatArray:
         """Pixels (N, 2) as an ideal lens would show them; NaN where the distortion cannot be undone."""
@@ -169,12 +187,18 @@ class View(Value):
 
     def project(self, points_camera: ArrayLike) -> FloatArray:
         """Undistorted pixels (N, 2) of points (N, 3) of the camera frame; NaN behind the camera."""
-        return self._handle.project(shaped("points_camera", points_camera, ("N", 3)))
+        return self.camera._handle.project(shaped("points_camera", points_camera, ("N", 3)))
 
 
-def _distortion(value: object) -> tuple[float, float, float, float, float]:
-    k = shaped("distortion", value, (4,), (5,)).tolist()
-    return (k[0], k[1], k[2], k[3], k[4] if len(k) == 5 else 0.0)
+def _row_by_row(
+    argument: str, value: Any, width: int, function: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """A function of rows, on an array of any number of dimensions."""
+    array = float_array(argument, value, f"numbers of shape (..., {width})")
+    if array.shape[-1:] != (width,):
+        raise input_error(argument, f"shape (..., {width})", f"shape {array.shape}")
+    rows = function(array.reshape(-1, width))
+    return rows.reshape(*array.shape[:-1], rows.shape[1])
 
 
 def _image_size(value: object) -> tuple[int, int]:

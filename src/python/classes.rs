@@ -74,6 +74,23 @@ impl PyCamera {
         self.0.image_size
     }
 
+    fn project<'py>(
+        &self,
+        py: Python<'py>,
+        points_camera: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let pixels: Vec<[f64; 2]> = rows::<3, _>("points_camera", &points_camera)?
+            .iter()
+            .map(|&p| self.0.project(&p.into()).unwrap_or([f64::NAN; 2]))
+            .collect();
+        to_matrix(py, &pixels)
+    }
+
+    fn rays<'py>(&self, py: Python<'py>, pixels: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rays: Vec<[f64; 3]> = rows::<2, _>("pixels", &pixels)?.iter().map(|&p| self.0.ray(p).into()).collect();
+        to_matrix(py, &rays)
+    }
+
     fn undistort<'py>(
         &self,
         py: Python<'py>,
@@ -141,14 +158,6 @@ impl PyView {
     fn side_planes<'py>(&self, py: Python<'py>, left: f64, right: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let planes: [[f64; 3]; 2] = self.0.side_planes(left, right).map(Into::into);
         to_matrix(py, &planes)
-    }
-
-    fn project<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let pixels: Vec<[f64; 2]> = rows::<3, _>("points_camera", &points)?
-            .iter()
-            .map(|&p| self.0.camera.project(&p.into()).unwrap_or([f64::NAN; 2]))
-            .collect();
-        to_matrix(py, &pixels)
     }
 }
 

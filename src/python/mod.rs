@@ -63,6 +63,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("STATUS", crate::error::NoPose::NAMES.to_vec())?;
     module.add("STOP_REASONS", crate::search::ransac::StopReason::NAMES.to_vec())?;
     module.add("SOLVERS", crate::estimate::options::Solver::NAMES.to_vec())?;
+    module.add("LENSES", crate::geometry::lens::Lens::MODELS.map(|(name, _)| name).to_vec())?;
     Ok(())
 }
 

@@ -84,3 +84,40 @@ def test_view_geometry():
     assert inside @ left > 0.0
     assert inside @ right > 0.0
     assert np.isnan(view.project([[0.0, 0.0, -1.0]])).all()
+
+
+@pytest.mark.parametrize("leading", [(), (1,), (0,), (4,), (2, 0, 3), (2, 3, 4)])
+def test_rays_are_the_inverse_of_project(leading):
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(*leading, 3)) * [3.0, 1.0, 5.0] + [0.0, 0.0, 30.0]
+    pixels = CAMERA.project(points)
+    assert pixels.shape == (*leading, 2)
+    homogeneous = points @ CAMERA.K.T
+    np.testing.assert_allclose(pixels, homogeneous[..., :2] / homogeneous[..., 2:], rtol=1e-12)
+    rays = CAMERA.rays(pixels)
+    assert rays.shape == (*leading, 3)
+    np.testing.assert_allclose(rays * points[..., 2:], points, rtol=1e-9, atol=1e-9)
+
+
+def test_project_takes_lists_and_views_of_arrays():
+    points = np.random.default_rng(6).uniform(1.0, 9.0, (5, 3, 2))
+    turned = np.moveaxis(points, 1, 2)
+    np.testing.assert_array_equal(CAMERA.project(turned), CAMERA.project(turned.tolist()))
+    np.testing.assert_array_equal(CAMERA.project(turned[1]), gp.View(CAMERA).project(turned[1]))
+    behind = CAMERA.project([[[0.0, 0.0, 2.0]], [[0.0, 0.0, -2.0]]])
+    np.testing.assert_array_equal(behind, [[[CAMERA.cx, CAMERA.cy]], [[np.nan, np.nan]]])
+
+
+def test_project_and_rays_are_those_of_an_ideal_lens():
+    bent = dataclasses.replace(CAMERA, distortion=(-0.3, 0.1, 0.0, 0.0))
+    assert bent.distortion == (-0.3, 0.1, 0.0, 0.0, 0.0)
+    np.testing.assert_array_equal(bent.project([1.0, 0.5, 4.0]), CAMERA.project([1.0, 0.5, 4.0]))
+    np.testing.assert_array_equal(bent.rays([100.0, 50.0]), CAMERA.rays([100.0, 50.0]))
+
+
+def test_the_name_of_a_lens_is_a_part_of_the_camera():
+    named = gp.Camera(500.0, 500.0, 320.0, 240.0, (-0.3, 0.1, 0.0, 0.0), lens="brown_conrady")
+    assert named == gp.Camera.from_K(named.K, (-0.3, 0.1, 0.0, 0.0), lens=named.lens)
+    assert named.lens == CAMERA.lens
+    with pytest.raises(TypeError, match="lens: expected a str"):
+        gp.Camera(500.0, 500.0, 320.0, 240.0, lens=None)

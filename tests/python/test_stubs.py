@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from conftest import ARRAYS, CAMERA, MODEL, VIEW
 from groundpose import _core
+from groundpose.lens import LENSES
 
 PACKAGE = Path(groundpose.__file__).parent
 
@@ -37,6 +38,13 @@ def test_types_of_attributes_are_those_of_the_stubs():
     assert isinstance(VIEW._handle.horizon(), tuple)
     assert MODEL._handle.footprint.shape == (4, 2)
     assert CAMERA._handle.distortion is None
+
+
+def test_lens_models_are_those_of_the_core():
+    assert list(LENSES) == _core.LENSES
+    for name, model in LENSES.items():
+        k = (*[0.0] * (len(model.coefficients) - 1), 0.1)
+        assert tuple(_core.Camera(1.0, 1.0, 0.0, 0.0, k, lens=name).distortion) == k
 
 
 def test_the_package_is_typed():

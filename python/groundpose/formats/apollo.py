@@ -124,7 +124,7 @@ class ApolloSet:
         self, name: str, poses: list[tuple[int, FloatArray, FloatArray]], camera: Camera, skipped: Skips
     ) -> list[ApolloCar]:
         """Each file of keypoints with the free pose that fits it best."""
-        projected = [_project(camera, self.models[k] @ R.T + t) for k, R, t in poses]
+        projected = [camera.project(self.models[k] @ R.T + t) for k, R, t in poses]
         free, cars = set(range(len(poses))), []
         for path in sorted((self.root / "keypoints" / name).glob(f"{name}_*.txt")):
             try:
@@ -178,9 +178,3 @@ def rotation(roll: float, pitch: float, yaw: float) -> FloatArray:
     about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
     about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(about_z @ about_y @ about_x)
-
-
-def _project(camera: Camera, points: FloatArray) -> FloatArray:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pixels = (points @ camera.K.T)[:, :2] / points[:, 2:]
-    return np.where(points[:, 2:] > 0.0, pixels, np.nan)

@@ -2,7 +2,7 @@
 nuScenes.
 
 Read by what `groundpose.formats.calibrations` sees in a file; written by the `format_` functions.
-Distortion is OpenCV's `k1, k2, p1, p2, k3` (ROS: plumb_bob) or none; other models are refused.
+Lens models are those of `groundpose.lens`; other models are refused.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from groundpose._checks import FloatArray, input_error
 from groundpose.formats.content import Content
 from groundpose.formats.conversions import to_quaternions
 from groundpose.formats.fields import Field
+from groundpose.lens import LENSES, lens_of
 from groundpose.types import Camera, View
-
-_PLAIN = ("plumb_bob", "none", "")
 
 
 def is_opencv(content: Content) -> bool:
@@ -29,7 +28,6 @@ def is_opencv(content: Content) -> bool:
 
 def read_opencv(content: Content) -> View:
     """See `Camera.from_opencv_yaml`."""
-    _plain_model(content)
     return View(Camera.from_opencv_yaml(content.place))
 
 
@@ -40,22 +38,18 @@ def is_camera_info(content: Content) -> bool:
 
 def read_camera_info(content: Content) -> View:
     """K, D, width and height of a camera_info message; P and R are not looked at: images are raw."""
-    _plain_model(content)
+    lens = lens_of(content.text, content.place)
     K, distortion = _numbers(content, "k"), _numbers(content, "d")
     if len(K) != 9:
         raise input_error(f"{content.place}: K", "nine numbers", len(K))
-    if len(distortion) not in (0, 4, 5):
-        raise input_error(f"{content.place}: D", "none, 4 or 5 numbers", len(distortion))
+    counts = LENSES[lens].counts
+    if distortion and len(distortion) not in counts:
+        expected = f"{', '.join(['none', *map(str, counts[:-1])])} or {counts[-1]} numbers"
+        raise input_error(f"{content.place}: D", expected, len(distortion))
     sides = [re.search(rf"(?m)^{side}\s*:\s*(\d+)", content.text) for side in ("width", "height")]
     width, height = (int(match.group(1)) if match else 0 for match in sides)
     matrix, size = np.array(K).reshape(3, 3), (width, height) if width and height else None
-    return View(Camera.from_K(matrix, distortion if np.any(distortion) else None, size))
-
-
-def _plain_model(content: Content) -> None:
-    for match in re.finditer(r"(?m)^(?:distortion|camera)_model\s*:\s*[\"']?(\w*)", content.text):
-        if match.group(1) not in (*_PLAIN, "pinhole"):
-            raise input_error(f"{content.place}: distortion_model", "plumb_bob or none", match.group(1))
+    return View(Camera.from_K(matrix, distortion if np.any(distortion) else None, size, lens))
 
 
 def _numbers(content: Content, name: str) -> list[float]:
@@ -73,8 +67,14 @@ def _numbers(content: Content, name: str) -> list[float]:
 def format_opencv_yaml(camera: Camera) -> str:
     """As OpenCV's FileStorage writes it; read by it, by ROS and by `Camera.from_opencv_yaml`."""
     head = "%YAML:1.0\n---\n" + _size_lines(camera, "image_")
-    distortion = np.array(camera.distortion or (0.0,) * 5).reshape(5, 1)
-    return head + _matrix("camera_matrix", camera.K) + _matrix("distortion_coefficients", distortion)
+    model = f"distortion_model: {LENSES[camera.lens].ros}\n"
+    distortion = _distortion(camera).reshape(-1, 1)
+    return head + _matrix("camera_matrix", camera.K) + model + _matrix("distortion_coefficients", distortion)
+
+
+def _distortion(camera: Camera) -> FloatArray:
+    """Coefficients (n,), zeros without distortion."""
+    return np.array(camera.distortion or (0.0,) * len(LENSES[camera.lens].coefficients))
 
 
 def _matrix(name: str, a: FloatArray) -> str:
@@ -86,9 +86,9 @@ def _matrix(name: str, a: FloatArray) -> str:
 def format_camera_info(camera: Camera) -> str:
     """A camera_info message as ROS 1 prints it: for `rostopic pub` and readers of such files."""
     P = np.hstack([camera.K, np.zeros((3, 1))])
-    rows = {"D": np.array(camera.distortion or (0.0,) * 5), "K": camera.K, "R": np.eye(3), "P": P}
+    rows = {"D": _distortion(camera), "K": camera.K, "R": np.eye(3), "P": P}
     lines = "".join(f"{name}: {json.dumps(a.ravel().tolist())}\n" for name, a in rows.items())
-    return f"{_size_lines(camera, '')}distortion_model: plumb_bob\n{lines}"
+    return f"{_size_lines(camera, '')}distortion_model: {LENSES[camera.lens].ros}\n{lines}"
 
 
 def _size_lines(camera: Camera, prefix: str) -> str:

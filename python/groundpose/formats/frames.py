@@ -6,7 +6,8 @@ A frame is one object, in a file of its own or on one line of a JSON-lines file:
       "id": "000123",                        # string or number; default: the line
       "camera": {"fx": 1000, "fy": 1000, "cx": 640, "cy": 360,
                  "distortion": [k1, k2, p1, p2, k3],          # optional
-                 "image_size": [1280, 720]},                  # optional
+                 "image_size": [1280, 720],                   # optional
+                 "lens": "brown_conrady"},                    # optional, the lens model of the distortion
       "pitch_deg": 0.6, "roll_deg": 0,       # optional, default 0; or
       "gravity": [0.0, 1.0, 0.01],           # downwards, camera frame, instead of the two
       "camera_height": 1.5,                  # optional, metres
@@ -44,13 +45,14 @@ import numpy as np
 from groundpose._checks import FloatArray, input_error
 from groundpose._core import InputError
 from groundpose.formats.fields import Field, parse
+from groundpose.lens import DEFAULT_LENS, LENSES, lens_name
 from groundpose.shape import ARRAYS, ShapeModel
 from groundpose.types import Camera, View
 
 BUNDLED = "bundled:"
 """Before the name of a class whose shape model comes with the package."""
 
-_CAMERA = ("fx", "fy", "cx", "cy", "distortion", "image_size")
+_CAMERA = ("fx", "fy", "cx", "cy", "distortion", "image_size", "lens")
 _NAMES = "keypoint_names"
 OBJECT_MEMBERS = ("id", "model", "keypoints_2d", "keypoint_scores", "bbox", "truth")
 TILT_MEMBERS = ("pitch_deg", "roll_deg", "gravity", "camera_height")
@@ -207,14 +209,17 @@ def read_camera(field: Field) -> Camera:
     """A camera. Raises InputError."""
     field.members(_CAMERA)
     fx, fy, cx, cy = (field.need(name).number() for name in ("fx", "fy", "cx", "cy"))
-    coefficients, size = field.get("distortion"), field.get("image_size")
-    k1, k2, p1, p2, k3 = coefficients.numbers(5) if coefficients else (0.0,) * 5
+    coefficients, size, name = field.get("distortion"), field.get("image_size"), field.get("lens")
+    with field.blamed():
+        lens = lens_name("lens", name.value if name else DEFAULT_LENS)
+    distortion = tuple(coefficients.numbers(len(LENSES[lens].coefficients))) if coefficients else None
     width, height = size.numbers(2) if size else (None, None)
     with field.blamed():
         return Camera(
             *(fx, fy, cx, cy),
-            distortion=(k1, k2, p1, p2, k3) if coefficients else None,
+            distortion=distortion,
             image_size=(int(width), int(height)) if width is not None and height is not None else None,
+            lens=lens,
         )
 
 

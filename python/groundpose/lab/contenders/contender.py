@@ -94,9 +94,6 @@ def as_poses(objects: Objects, answers: Answers) -> gp.PoseBatch:
 
 def inlier_mask(objects: Objects, R: Array, t: Array) -> Mask:
     """(N, P) keypoints within the threshold of the poses given: counted alike for every contender."""
-    c = objects.camera
     Y = objects.keypoints_3d @ np.swapaxes(R, 1, 2) + t[:, None, :]
-    z = np.where(Y[..., 2] > 0.0, Y[..., 2], np.nan)
-    u = c.fx * Y[..., 0] / z + c.cx - objects.keypoints_2d[..., 0]
-    v = c.fy * Y[..., 1] / z + c.cy - objects.keypoints_2d[..., 1]
+    u, v = np.moveaxis(objects.camera.project(Y) - objects.keypoints_2d, -1, 0)
     return np.asarray(np.hypot(u, v) <= objects.inlier_threshold[:, None])

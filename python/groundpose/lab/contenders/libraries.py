@@ -90,8 +90,7 @@ def _opencv(flag: str) -> Call:
 
     def call(cv2: Any, single: Single, clock: Clock) -> tuple[Array, Array] | None:
         cv2.setNumThreads(1)  # as everybody here
-        c = single.camera
-        K = np.array([[c.fx, 0.0, c.cx], [0.0, c.fy, c.cy], [0.0, 0.0, 1.0]])
+        K = single.camera.K
         X, x = single.keypoints_3d, single.keypoints_2d
         try:
             limits = (MAX_ITERATIONS, single.inlier_threshold, CONFIDENCE)

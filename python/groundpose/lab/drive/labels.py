@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
 from groundpose.lab.drive.scene import Scene
-from groundpose.lab.drive.silhouette import NEAR, Region, inside, project
+from groundpose.lab.drive.silhouette import NEAR, Region, inside
 from groundpose.lab.drive.visibility import Order, Sight, Target, clipped, look, things
 from groundpose.types import View
 
@@ -97,7 +97,7 @@ def _label(scene: Scene, sight: Sight, hiders: list[Sight], road_row: float) -> 
     points = body.keypoints_3d @ R.T + t
     pixels = np.full((len(points), 2), np.nan)
     front = points[:, 2] >= NEAR
-    pixels[front] = project(scene.camera, points[front])
+    pixels[front] = scene.camera.project(points[front])
     low, high = body.bbox_3d
     location = R @ [0.5 * (low[0] + high[0]), high[1], 0.5 * (low[2] + high[2])] + t
     plane = View.from_gravity(scene.camera, R[:, 1])
@@ -168,7 +168,7 @@ def _road_rows(scene: Scene, seen: list[Sight]) -> FloatArray:
     camera = world @ scene.R_camera_from_world.T + scene.t_camera_from_world
     rows = np.full(len(world), np.inf)
     front = camera[:, 2] >= NEAR
-    rows[front] = project(scene.camera, camera[front])[:, 1]
+    rows[front] = scene.camera.project(camera[front])[:, 1]
     return np.asarray(rows.reshape(len(seen), -1).min(axis=1))
 
 

@@ -74,7 +74,7 @@ def outline(camera: Camera, points: FloatArray) -> FloatArray:
             return np.empty((0, len(_TURNS), 2))
         width = max(len(slab) for slab in cut)
         points = np.stack([np.concatenate([s, np.repeat(s[:1], width - len(s), axis=0)]) for s in cut])
-    pixels = project(camera, points)
+    pixels = camera.project(points)
     extreme = (pixels @ _AROUND).argmax(axis=1)
     return np.take_along_axis(pixels, extreme[..., None], axis=1)
 
@@ -87,12 +87,6 @@ def _before(points: FloatArray) -> FloatArray:
         return points[front]
     fraction = (a[..., 2:] - NEAR) / (a[..., 2:] - b[..., 2:])
     return np.concatenate([points[front], (a + fraction * (b - a)).reshape(-1, 3)])
-
-
-def project(camera: Camera, points: FloatArray) -> FloatArray:
-    """Pixels (..., 2) of points (..., 3) before the camera."""
-    scale = np.array([camera.fx, camera.fy])
-    return np.asarray(points[..., :2] / points[..., 2:] * scale + np.array([camera.cx, camera.cy]))
 
 
 def inside(polygons: FloatArray, pixels: FloatArray) -> NDArray[np.bool_]:

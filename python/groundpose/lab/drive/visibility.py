@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray
 from groundpose.lab.drive.footprints import Footprints
 from groundpose.lab.drive.scene import Scene, Vehicle
-from groundpose.lab.drive.silhouette import NEAR, outline, project
+from groundpose.lab.drive.silhouette import NEAR, outline
 from groundpose.lab.drive.solids import Solid, opaque, prop_corners, prop_slabs, solid
 from groundpose.types import Camera
 
@@ -70,8 +70,7 @@ def look(scene: Scene, index: int, vehicle: Vehicle) -> Sight | None:
     box = _extent(scene.camera, points, known.faces)
     if box is None or not meets_image(scene.camera, box):
         return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pixels = project(scene.camera, points)
+    pixels = scene.camera.project(points)
     heading = math.atan2(vehicle.R_world[0, 2], vehicle.R_world[2, 2])
     return Sight(
         row=index,
@@ -86,7 +85,7 @@ def _beside(camera: Camera, corners: FloatArray) -> bool:
     """Whether a solid with these corners (8, 3) cannot be in the image."""
     if corners[:, 2].min() < NEAR:
         return bool(corners[:, 2].max() < NEAR)
-    pixels = project(camera, corners)
+    pixels = camera.project(corners)
     return not meets_image(camera, np.concatenate([pixels.min(axis=0), pixels.max(axis=0)]))
 
 
@@ -101,7 +100,7 @@ def _extent(camera: Camera, points: FloatArray, faces: NDArray[np.intp]) -> Floa
         a, b = points[crossing[:, 0]], points[crossing[:, 1]]
         fraction = (NEAR - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
         points = np.concatenate([points[front], a + fraction * (b - a)])
-    pixels = project(camera, points)
+    pixels = camera.project(points)
     return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
 
 
@@ -125,8 +124,7 @@ def things(scene: Scene, seen: list[Sight]) -> list[Sight]:
     R, t = scene.R_camera_from_world, scene.t_camera_from_world
     corners = prop_corners(scene.props) @ R.T + t
     depth = corners[..., 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pixels = project(scene.camera, corners)
+    pixels = scene.camera.project(corners)
     low, high = pixels.min(axis=1), pixels.max(axis=1)
     cut = depth.min(axis=1) < NEAR  # its box cannot be projected directly
     low[cut], high[cut] = -np.inf, np.inf
@@ -176,7 +174,7 @@ class Order:
             return meets
         u = 0.5 * (np.maximum(boxes[rows, 0], own[0]) + np.minimum(boxes[rows, 2], own[2]))
         camera = self.scene.camera
-        rays = np.stack([(u - camera.cx) / camera.fx, np.zeros(len(u)), np.ones(len(u))], axis=1)
+        rays = camera.rays(np.stack([u, np.full(len(u), camera.cy)], axis=1))
         level = (rays @ self.scene.R_camera_from_world)[:, [0, 2]]
         level /= np.linalg.norm(level, axis=1, keepdims=True)
         own_reach, reached = self._entry(np.full(len(rows), i), level), self._entry(rows, level)

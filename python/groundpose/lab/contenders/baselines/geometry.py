@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from groundpose.types import Camera
 
 Array = npt.NDArray[np.float64]
 Pose = tuple[Array, Array]
 """R (3, 3) and t (3,)."""
 
 
-def normalised(pixels: Array, camera: Any) -> Array:
-    """Undistorted pixels (n, 2) to K^-1 u (n, 2); `camera` has fx, fy, cx, cy."""
-    return np.asarray((pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy])
+def normalised(pixels: Array, camera: Camera) -> Array:
+    """Undistorted pixels (n, 2) to K^-1 u (n, 2)."""
+    return np.asarray(camera.rays(pixels)[..., :2])
 
 
 def align(X: Array, Y: Array) -> tuple[Array, Array, float]:
