@@ -166,7 +166,7 @@ def test_fitted_keypoints_are_those_in_the_code() -> None:
 def test_simulated_keypoints_have_the_quantiles_of_real_ones() -> None:
     for line in fit.keypoint_agreement(fit.found_keypoints(DATA)):
         real, simulated = np.array(line["real"]), np.array(line["simulated"])
-        assert line["simulated share %"] == pytest.approx(line["real share %"], abs=3.0), line
+        assert line["simulated fraction %"] == pytest.approx(line["real fraction %"], abs=3.0), line
         ratio = simulated[:3] / real[:3]
         assert (ratio > 0.6).all(), line
         assert (ratio < 1.9).all(), line

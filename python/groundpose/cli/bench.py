@@ -87,7 +87,7 @@ def _bench(
 
     picture = figure or out.with_suffix(".png")
     check_path(picture)
-    before = None if compare is None else baseline.read(compare)  # a wrong name is told before the wait
+    before = None if compare is None else baseline.read(compare)  # a wrong name is refused before the wait
     try:
         cases = chosen(only, instructions, native)
     except ValueError as error:

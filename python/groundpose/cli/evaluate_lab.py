@@ -103,6 +103,7 @@ def pages() -> None:
     """Write the pages of docs/ again from the stored results; nothing is measured."""
     from groundpose.lab.bench import page as performance
     from groundpose.lab.evaluate import real_page, report
+    from groundpose.lab.evaluate.experiments import page as experiments
     from groundpose.lab.evaluate.networks import page as network_page
     from groundpose.lab.evaluate.simulated import page as simulated
 
@@ -110,6 +111,7 @@ def pages() -> None:
         root = Path()
         written = [report.write_page(root), real_page.write_page(root), performance.write_page(root)]
         written += [network_page.write_stored(root), simulated.write_stored(root)]
+        written += [experiments.write_stored(root)]
         for path in filter(None, written):
             typer.echo(f"Page: {path.resolve()}")
 

@@ -75,15 +75,15 @@ class Summary:
 
     trials: int
     answered: float
-    """Share of trials with an answer."""
+    """Fraction of trials with an answer."""
     mean_e_r_deg: float
     median_e_r_deg: float
     mean_e_t_percent: float
     median_e_t_percent: float
     failures: float
-    """Share with e_r > 10 deg or e_t > 10 % or no answer."""
+    """Fraction with e_r > 10 deg or e_t > 10 % or no answer."""
     above_15_deg: float
-    """Share with e_r > 15 deg or no answer."""
+    """Fraction with e_r > 15 deg or no answer."""
     mean_e_r_ok_deg: float
     """Mean over the trials that are not failures; NaN when all are."""
     mean_e_t_ok_percent: float

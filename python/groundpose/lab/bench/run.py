@@ -17,7 +17,7 @@ from groundpose.lab.evaluate import report
 
 Content = dict[str, Any]
 Advance = Callable[[int, int, str], None]
-"""Told the number of finished cases, of all, and what is done now."""
+"""Called with the number of finished cases, of all, and what is done now."""
 
 
 def setup(effort: Effort) -> Content:

@@ -62,9 +62,9 @@ def cargo(arguments: list[str], suffix: str = "", **environment: str) -> Path:
     return artifact(done.stdout, suffix)
 
 
-def artifact(told: str, suffix: str) -> Path:
+def artifact(output: str, suffix: str) -> Path:
     """The file that cargo's messages tell of: our executable, or the one that ends in `suffix`."""
-    messages = [json.loads(line) for line in told.splitlines() if line.startswith("{")]
+    messages = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
     made = [m for m in messages if m["reason"] == "compiler-artifact" and m["target"]["name"] in _TARGETS]
     files = [name for m in made for name in (m["filenames"] if suffix else [m["executable"]])]
     return Path(next(name for name in files if name and name.endswith(suffix)))
@@ -76,10 +76,10 @@ def instructions(effort: Effort, tell: Tell) -> dict[str, Any]:
     tell("building benches/instructions.rs")
     bench = cargo(["bench", "--no-run", "--bench", BENCH.stem])
     tell("running it")
-    told = subprocess.run([bench, "--bench"], capture_output=True, text=True, check=False)
-    if told.returncode != 0:  # it asserts the truth first
-        raise WrongAnswer(f"{bench.name}: {told.stderr.strip()[:500]}")
-    rows = [json.loads(line) for line in told.stdout.splitlines()]
+    output = subprocess.run([bench, "--bench"], capture_output=True, text=True, check=False)
+    if output.returncode != 0:  # it asserts the truth first
+        raise WrongAnswer(f"{bench.name}: {output.stderr.strip()[:500]}")
+    rows = [json.loads(line) for line in output.stdout.splitlines()]
     tell("counting its instructions")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "callgrind"

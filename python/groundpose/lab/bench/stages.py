@@ -7,7 +7,7 @@ from typing import Any
 
 Row = dict[str, Any]
 MODES = {"vehicle": 0, "vehicle M = 5": 5, "vehicle M = 10": 10, "cube 50 %": 0}
-"""Settings of benches/instructions.rs whose stages are told, and their shape modes."""
+"""Settings of benches/instructions.rs whose stages are shown, and their shape modes."""
 
 # Floating-point operations on paper: +, -, *, / and square roots count one each.
 

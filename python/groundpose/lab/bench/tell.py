@@ -70,13 +70,13 @@ def target_table(cases: dict[str, Any]) -> Table:
 
 def differences(found: list[Difference]) -> Table | None:
     """What is not the same as in the baseline."""
-    told = [d for d in found if d.verdict != SAME]
-    if not told:
+    changed = [d for d in found if d.verdict != SAME]
+    if not changed:
         return None
     table = Table(title="Against the baseline", title_justify="left")
     for column in ("case", "what", "before", "now", ""):
         table.add_column(column)
-    for d in sorted(told, key=lambda d: d.verdict == BETTER):
+    for d in sorted(changed, key=lambda d: d.verdict == BETTER):
         now = "-" if d.now is None else f"{d.now:.4g}"
         table.add_row(d.case, d.what, f"{d.before:.4g}", now, d.verdict)
     return table

@@ -1,4 +1,4 @@
-"""Other libraries, configured as well as they can be: no straw men.
+"""Other libraries, configured as well as they can be.
 
 Every library is imported when it is first needed; one that is not installed says so through `missing()`. All
 get the same threshold, confidence and iteration limit as our own solver. `pip install groundpose[rivals]`.
@@ -79,7 +79,7 @@ def _poselib(tuned: bool) -> Call:
         pose, info = clock(
             poselib.estimate_absolute_pose, single.keypoints_2d, single.keypoints_3d, camera, ransac, bundle
         )
-        # its failure is an identity pose, told only by the count
+        # its failure is an identity pose, which only the count gives away
         return (np.asarray(pose.R), np.asarray(pose.t)) if info["num_inliers"] > 0 else None
 
     return call

@@ -232,9 +232,9 @@ def _tilt(content: Content) -> Iterator[str]:
     yield "## The tilt on real roads"
     yield f"`{content['command']}`"
     yield (
-        "How the solver is told the tilt: fixed (with the default's prior of 1.5 deg for objects that lean), "
-        "with twice that or twice the set's spread, as in the paper forgotten after the search, or estimated "
-        "for each image from all its objects first (`frame_tilt_sigma`)."
+        "How the solver uses the nominal tilt: fixed (with the default's prior of 1.5 deg for objects that "
+        "lean), with twice that or twice the set's spread, as in the paper forgotten after the search, or "
+        "estimated for each image from all its objects first (`frame_tilt_sigma`)."
     )
     yield from _sets(content, "tilt")
 
@@ -252,7 +252,7 @@ def _speed(content: Content) -> Iterator[str]:
     yield table([{key: value for key, value in content.items() if key != "command"}])
     yield (
         "Made-up frames of 5.4 vehicles without images, keypoints simulated, one method: reading, "
-        "simulating, estimating, matching and writing. Memory grows by the kept numbers, some 400 bytes an "
+        "simulating, estimating, matching and writing. Memory grows by the kept numbers, some 400 bytes per "
         "object and method."
     )
 

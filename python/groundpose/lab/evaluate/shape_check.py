@@ -95,7 +95,7 @@ def check_real(model: gp.ShapeModel, cars: Array) -> dict[str, Any]:
 
 
 def _described(model: gp.ShapeModel, cars: Array) -> dict[str, float]:
-    """Residuals of fitting the modes to cars (S, 18, 3), and the share of their variance that is reached."""
+    """Residuals of fitting the modes to cars (S, 18, 3), and the fraction of their variance reached."""
     mean, basis = common(model)
     offsets, fit = _without_offsets(model, cars)
     prior = fitted(cars, mean + offsets, basis, model.eigenvalues, LABEL_SIGMA_M)
@@ -131,14 +131,14 @@ def check_modes(kind: str, advance: Callable[[], None]) -> dict[str, Any]:
     off = (points - model.keypoints_3d).reshape(UNSEEN, -1)
     basis = model.basis.reshape(model.modes, -1)
     coefficients = off @ basis.T
-    share = np.sum(coefficients**2, axis=0) / np.sum(off**2)
+    fraction = np.sum(coefficients**2, axis=0) / np.sum(off**2)
     sizes = (boxes[:, 1] - boxes[:, 0])[:, [2, 1, 0]]
     return {
         "bodies of the model": BODIES,
         "unseen bodies": UNSEEN,
         "modes": model.modes,
-        "variance of each mode": share.tolist(),
-        "variance of all modes": float(share.sum()),
+        "variance of each mode": fraction.tolist(),
+        "variance of all modes": float(fraction.sum()),
         "standard deviation of each coefficient, m": np.sqrt(model.eigenvalues).tolist(),
         "residual, cm": _cm((off - coefficients @ basis).reshape(points.shape)),
         "mean length, height, width, m": sizes.mean(axis=0).tolist(),

@@ -77,7 +77,7 @@ def mirrored(shapes: Array, flip: Array) -> Array:
 
 
 def reached(aligned: Array, basis: Array | None, own_modes: int = 0) -> float:
-    """Share of the variance of aligned shapes (S, P, 3) about their mean that modes can follow.
+    """Fraction of the variance of aligned shapes (S, P, 3) about their mean that modes can follow.
 
     Args:
         aligned: as from `rigidly_aligned`.

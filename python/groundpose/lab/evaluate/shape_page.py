@@ -105,13 +105,13 @@ def _models(models: dict[str, Any]) -> list[str]:
     first = next(iter(models.values()))
     lines, sizes = [], []
     for kind, model in models.items():
-        shares = [100.0 * share for share in model["variance of each mode"]]
+        percentages = [100.0 * fraction for fraction in model["variance of each mode"]]
         lines.append(
             {
                 "class": kind,
                 "modes": model["modes"],
-                "variance of each, %": ", ".join(f"{share:.2f}" for share in shares),
-                "of all, %": round(sum(shares), 2),
+                "variance of each, %": ", ".join(f"{p:.2f}" for p in percentages),
+                "of all, %": round(sum(percentages), 2),
                 "residual, cm": model["residual, cm"],
             }
         )

@@ -18,10 +18,10 @@ P1P, P3P = "RNSC-P1P", "RNSC-P3P"
 FLAT = 1.1
 """A curve is flat when its largest mean is at most this times its value without error."""
 WORKS = 0.05
-"""A method works in a setting when at most this share of trials fails."""
+"""A method works in a setting when at most this fraction of trials fails."""
 TIE = 1e-9
 """Numbers that are equal up to rounding are not worse than each other."""
-NO_RIVALS = ("oracle", "ours")
+NOT_COMPARED = ("oracle", "ours")
 Lines = list[str]
 Where = tuple[str, str, str]
 """Experiment, curve, outlier model."""
@@ -102,8 +102,8 @@ def more_accurate(results: Results) -> Finding:
                 wins = sum(ratio <= 1.0 for ratio in ratios)
                 if ratios:
                     head = f"{experiment}, {_label(outliers)}, {WORDS[quantity]}"
-                    share = f"{wins} of {len(ratios)} pairs"
-                    numbers.append(f"{head}: better in {share}, median ratio {np.median(ratios):.2f}")
+                    pairs = f"{wins} of {len(ratios)} pairs"
+                    numbers.append(f"{head}: better in {pairs}, median ratio {np.median(ratios):.2f}")
                 better, total = better + wins, total + len(ratios)
     claim = "RNSC-P1P, alone and followed by any method, is more accurate than RNSC-P3P followed by the same"
     return Finding(claim, better >= 0.95 * total if total else None, numbers)
@@ -114,15 +114,15 @@ def reppnp_breaks(results: Results) -> Finding:
     numbers: Lines = []
     verdicts: list[bool] = []
     for outliers in OUTLIERS:
-        x, share = results.curve("E1", "outlier_ratio", outliers, "REPPnP", FAILURES)
-        n, share_n = results.curve("E2", "n_points", outliers, "REPPnP", FAILURES)
-        for name, values, at in (("outlier ratio", share, x), ("points", share_n, n)):
+        x, failures = results.curve("E1", "outlier_ratio", outliers, "REPPnP", FAILURES)
+        n, failures_n = results.curve("E2", "n_points", outliers, "REPPnP", FAILURES)
+        for name, values, at in (("outlier ratio", failures, x), ("points", failures_n, n)):
             if np.isfinite(values).any():
                 text = ", ".join(f"{a:g}: {100 * v:.1f} %" for a, v in zip(at, values, strict=True))
                 numbers.append(f"{_label(outliers)}, failures over {name}: {text}")
-        if np.isfinite(share).all() and np.isfinite(share_n).all():
-            verdicts.append(bool(np.all(share[x > 0.5 + TIE] > WORKS)))
-            verdicts.append(bool(np.all(share_n[n < 200] > share_n[n >= 200].max())))
+        if np.isfinite(failures).all() and np.isfinite(failures_n).all():
+            verdicts.append(bool(np.all(failures[x > 0.5 + TIE] > WORKS)))
+            verdicts.append(bool(np.all(failures_n[n < 200] > failures_n[n >= 200].max())))
     claim = "REPPnP frequently fails above 50 % outliers and with fewer than 200 points"
     return Finding(claim, all(verdicts) if verdicts else None, numbers)
 
@@ -150,8 +150,8 @@ class Crossing:
                 inside, outside = np.abs(x) <= self.limit, np.abs(x) > self.limit + 1.0
                 verdicts.append(bool(good[inside].all() and not good[outside].any()))
                 better = ", ".join(f"{v:g}" for v in x[good]) or "none"
-                rivals = f"{P1P}{suffix} has a lower mean e_r than {P3P}{suffix}"
-                numbers.append(f"{_label(outliers)}: {rivals} at errors of {better} {self.unit}")
+                better_than = f"{P1P}{suffix} has a lower mean e_r than {P3P}{suffix}"
+                numbers.append(f"{_label(outliers)}: {better_than} at errors of {better} {self.unit}")
         claim = (
             f"RNSC-P1P-based methods are better than RNSC-P3P-based ones while {self.words} is within "
             f"{self.limit:g} {self.unit}, and worse otherwise"
@@ -189,26 +189,26 @@ def ours_is_best(results: Results) -> Finding:
             settings, lost = _lost(results, experiment, ours, quantity)
             if settings:
                 met.append(not lost)
-                head = f"{experiment}, {ours}, {WORDS[quantity]}: at or below every rival in"
+                head = f"{experiment}, {ours}, {WORDS[quantity]}: at or below every other contender in"
                 numbers.append(f"{head} {settings - len(lost)} of {settings} settings" + _examples(lost))
     claim = (
-        "Our default (E1 and E2: without priors) is at or below every rival in mean e_r, mean e_t and "
-        "failures in every setting"
+        "Our default (E1 and E2: without priors) is at or below every other contender in mean e_r, mean "
+        "e_t and failures in every setting"
     )
     return Finding(claim, all(met) if met else None, numbers)
 
 
 def _lost(results: Results, experiment: str, ours: str, quantity: str) -> tuple[int, Lines]:
-    """How many settings have our number, and those where a rival is lower, on fewer trials too."""
+    """How many settings have our number, and those where another contender is lower, on fewer trials too."""
     count, lost = 0, []
-    rivals = [m for m in results.methods(experiment) if not m.startswith(NO_RIVALS)]
+    others = [m for m in results.methods(experiment) if not m.startswith(NOT_COMPARED)]
     for setting in EXPERIMENTS[experiment]:
         own = results.value(experiment, setting.key, ours, quantity)
         trials = results.value(experiment, setting.key, ours, "trials")
         if not np.isfinite(own):
             continue
         count += 1
-        values = {m: results.value(experiment, setting.key, m, quantity) for m in rivals}
+        values = {m: results.value(experiment, setting.key, m, quantity) for m in others}
         numbers = {m: value for m, value in values.items() if math.isfinite(value)}
         if numbers and min(numbers.values()) < own - TIE:
             best = min(numbers, key=lambda m: numbers[m])

@@ -10,6 +10,7 @@ from groundpose.lab.evaluate.experiments.figures import drawn
 from groundpose.lab.evaluate.experiments.findings import CLAIMS, Finding
 from groundpose.lab.evaluate.experiments.series import MICROSECONDS, Results
 from groundpose.lab.evaluate.experiments.settings import EXPERIMENTS, OUTLIERS, Setting, settings_of
+from groundpose.lab.evaluate.experiments.store import FOLDER
 
 PAGE, FIGURES = Path("docs/experiments.md"), Path("docs/experiments")
 INTRODUCTION = """\
@@ -73,6 +74,12 @@ def write(results: Results, page: Path = PAGE, figures: Path = FIGURES) -> Path:
     found = [figures / f"{name}_{outliers}.png" for name in names for outliers in OUTLIERS]
     page.write_text(render(results, [path for path in found if path.exists()]), encoding="utf-8")
     return page
+
+
+def write_stored(root: Path) -> Path | None:
+    """The page from the results of the repository; None when there are none."""
+    results = Results.read(root / FOLDER)
+    return write(results, root / PAGE, root / FIGURES) if results.stores else None
 
 
 def complete(results: Results) -> bool:

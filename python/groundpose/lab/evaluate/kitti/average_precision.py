@@ -68,7 +68,7 @@ class Overlaps:
     above: FloatArray
     space: FloatArray
     excused: FloatArray
-    """(N,) largest share of a detection inside one region marked DontCare."""
+    """(N,) largest fraction of a detection inside one region marked DontCare."""
 
     @classmethod
     def of(cls, found: Sequence[KittiLabel], truth: Sequence[KittiLabel]) -> Overlaps:

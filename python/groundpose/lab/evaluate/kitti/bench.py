@@ -57,11 +57,11 @@ def _vehicle(rng: np.random.Generator) -> KittiLabel | None:
     left, top, right, bottom = np.clip(whole, 0.0, np.concatenate([limit, limit])).tolist()
     if right - left < 5.0 or bottom - top < 5.0 or points[:, 2].min() < 1.0:
         return None
-    share = (right - left) * (bottom - top) / float(np.prod(whole[2:] - whole[:2]))
+    inside = (right - left) * (bottom - top) / float(np.prod(whole[2:] - whole[:2]))
     alpha = wrapped(angle - float(np.arctan2(place[0], z)))
     x, y, z = place.tolist()
     box = (left, top, right, bottom)
-    return KittiLabel(name, 1.0 - share, 0, alpha, box, height, width, length, (x, y, z), angle)
+    return KittiLabel(name, 1.0 - inside, 0, alpha, box, height, width, length, (x, y, z), angle)
 
 
 def bench(frames: int, jobs: int, advance: Advance | None = None) -> dict[str, Any]:

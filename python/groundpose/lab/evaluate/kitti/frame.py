@@ -90,11 +90,11 @@ class FrameResult:
     """What is kept of a frame."""
 
     labels: list[list[float]] = field(default_factory=list)
-    """One row of LABEL_COLUMNS an object with a box."""
+    """One row of LABEL_COLUMNS per object with a box."""
     missed: int = 0
     """Labels that count but no detection belongs to."""
     errors: dict[str, list[list[float]]] = field(default_factory=dict)
-    """{method: one row of ERROR_COLUMNS an object}"""
+    """{method: one row of ERROR_COLUMNS per object}"""
     hits: dict[str, dict[str, Hits]] = field(default_factory=dict)
     """{method: {class: hits}}"""
     seconds: dict[str, float] = field(default_factory=dict)
@@ -224,7 +224,7 @@ def _label_row(label: KittiLabel, frame: KittiFrame, task: Task) -> list[float]:
 def _errors(
     frame: KittiFrame, prepared: Prepared, poses: gp.PoseBatch, overlaps: Overlaps
 ) -> list[list[float]]:
-    """One row of ERROR_COLUMNS an object with a label."""
+    """One row of ERROR_COLUMNS per object with a label."""
     rows = [k for k, label in enumerate(prepared.labels) if label is not None]
     if not rows:
         return []

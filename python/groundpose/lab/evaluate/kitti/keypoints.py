@@ -22,7 +22,7 @@ from groundpose.vehicles import KINDS, keypoint_indices, keypoint_names, shape_m
 
 WIDTH = max(len(keypoint_indices(kind)) for kind in KINDS)
 MODELS = ("class", "sized", "rigid")
-"""What a solver is told of a vehicle: the shape model of its class, that stretched to the labelled size, or
+"""What a solver knows of a vehicle: the shape model of its class, that stretched to the labelled size, or
 the stretched mean alone."""
 _MOST_DEVIATION = 2.0
 """Simulated bodies have shape coefficients up to so many standard deviations."""

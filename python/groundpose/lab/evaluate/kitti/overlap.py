@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray
 
 _SAME = 1e-9
-"""Corners this near to a side, as a share of the rectangles' size, count as inside: equal rectangles share
+"""Corners this near to a side, as a fraction of the rectangles' size, count as inside: equal rectangles share
 all."""
 
 

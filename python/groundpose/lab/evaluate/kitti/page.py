@@ -42,12 +42,12 @@ def write(content: Content, worker: Worker, folder: Path) -> Path:
 def _parts(content: Content, worker: Worker) -> Iterator[str]:
     frames, settings = content["frames"], content["settings"]
     yield f"<p><code>{html.text('span', content['command'])}</code></p>"
-    told = ", ".join(f"{name} {value}" for name, value in content["versions"].items())
+    versions = ", ".join(f"{name} {value}" for name, value in content["versions"].items())
     yield html.text(
         "p",
         f"{frames['done']} frames, {content['objects']} objects ({content['missed objects']} without a box). "
         f"Boxes: {settings['boxes']}; keypoints: {settings['keypoints']}; nominal tilt "
-        f"{settings['pitch_deg']:g} deg. {told}; {content['machine']}.",
+        f"{settings['pitch_deg']:g} deg. {versions}; {content['machine']}.",
         "note",
     )
     if frames["done"]:

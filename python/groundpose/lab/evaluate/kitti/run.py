@@ -27,7 +27,7 @@ from groundpose.lab.evaluate.kitti.summary import SELF_CHECK, Collected, collect
 CHECKED_FRAMES = 200
 """The labels of so many frames are put against themselves as a check of the average precision."""
 Advance = Callable[[int, int], None]
-"""Is told frames done and frames in all."""
+"""Called with frames done and frames in all."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def run(
         jobs: processes.
         fresh: forget finished frames.
         limit: only so many frames.
-        advance: is told how far it is.
+        advance: called after every frame.
 
     Raises OSError, InputError (no such folder, another run's file).
     """

@@ -42,7 +42,7 @@ _OCCLUSIONS = ("fully visible", "partly occluded", "largely occluded", "unknown"
 
 @dataclass
 class Collected:
-    """Everything of a run that its tables need: numbers in compact arrays, some 400 bytes an object and
+    """Everything of a run that its tables need: numbers in compact arrays, some 400 bytes per object and
     method."""
 
     task: Task

@@ -81,8 +81,8 @@ def _accuracy(found: dict[str, Any]) -> list[dict[str, Any]]:
                 "visible within 0.0375 l, %": 100 * m["within_visible"],
             })  # fmt: skip
     for name, (accuracy, error) in PAPER.items():
-        told = f"{name}, paper, its own simulator"
-        lines.append({"network": told, "class accuracy, %": accuracy, "vertex error, px": error})
+        paper = f"{name}, paper, its own simulator"
+        lines.append({"network": paper, "class accuracy, %": accuracy, "vertex error, px": error})
     return lines
 
 

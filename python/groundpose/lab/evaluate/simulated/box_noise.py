@@ -1,12 +1,12 @@
 """Errors of a detector's 2D boxes, drawn as measured on KITTI.
 
-A side is off by `shift + slope l + hypot(pixels, share l) z` pixels, l the longer side of the true box and
+A side is off by `shift + slope l + hypot(pixels, fraction l) z` pixels, l the longer side of the true box and
 z a Student t variable: the four sides of an object share its heavy tail and are correlated. Sides cut by the
 image border have a scale of their own. `groundpose evaluate detector` fits the numbers to
 2923 boxes of a real detector.
 
 Left out: vehicles the detector misses (8 to 28 % by occlusion) and boxes with an overlap below one half. The
-pixels are those of KITTI's images (1242 wide): what is a share of l carries over to other cameras, the
+pixels are those of KITTI's images (1242 wide): what is a fraction of l carries over to other cameras, the
 pixels are taken as they are.
 """
 
@@ -35,9 +35,9 @@ class SideNoise:
     shift: float
     """px"""
     slope: float
-    """share of l"""
+    """fraction of l"""
     pixels: float
-    share: float
+    fraction: float
     """of l"""
 
     def mean(self, longer: Array) -> Array:
@@ -46,7 +46,7 @@ class SideNoise:
 
     def scale(self, longer: Array) -> Array:
         """(N,) px, of the t distribution."""
-        return np.hypot(self.pixels, self.share * longer)
+        return np.hypot(self.pixels, self.fraction * longer)
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ BY_OCCLUSION = (
 )
 """By KITTI's occlusion: fully visible, partly, largely (and more)."""
 BORDER = (0.009, 0.007, 0.020, 0.007)
-"""Scale of sides cut by the image border, share of l; the top's (never cut there) is the bottom's."""
+"""Scale of sides cut by the image border, fraction of l; the top's (never cut there) is the bottom's."""
 
 
 def draw_boxes(

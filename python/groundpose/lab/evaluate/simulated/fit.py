@@ -116,8 +116,8 @@ def _side(error: Array, longer: Array, weight: Array, scale: Array) -> SideNoise
         only = int(variances.argmax())
         best = (v * rest * B[:, only]).sum() / (v * B[:, only] ** 2).sum()
         variances = np.where(np.arange(2) == only, best, 0.0)
-    pixels, share = np.sqrt(variances)
-    return SideNoise(float(shift), float(slope), float(pixels), float(share))
+    pixels, fraction = np.sqrt(variances)
+    return SideNoise(float(shift), float(slope), float(pixels), float(fraction))
 
 
 def _log_likelihood(freedom: float, distance: Array) -> float:
@@ -186,7 +186,7 @@ def _faces_camera(points: Array, names: list[str], R: Array, t: Array) -> Mask:
 
 
 def fit_habit(found: Found, objects: Mask) -> Habit:
-    """Shares counted over some of the objects."""
+    """Fractions counted over some of the objects."""
     seen, distances = found.seen, found.distances()
     band = np.digitize(found.scores, EDGES[1:-1])
     right = np.take_along_axis(distances, np.arange(distances.shape[1])[None, :, None], 2)[..., 0] < OWN
@@ -216,7 +216,7 @@ def _kinds(found: Found, distances: Array, band: npt.NDArray[np.int64]) -> npt.N
 
 
 def noise_by_band(found: Found) -> list[float]:
-    """Deviation of a coordinate of right keypoints of the clear objects, shares of the longer side."""
+    """Deviation of a coordinate of right keypoints of the clear objects, fractions of the longer side."""
     own = np.diagonal(found.distances(), axis1=1, axis2=2)
     band = np.digitize(found.scores, EDGES[1:-1])
     right = (own < OWN) & ~found.confused[:, None]
@@ -239,7 +239,7 @@ def keypoint_agreement(found: Found, seed: int = 0) -> list[dict[str, Any]]:
                 ("simulated", simulated, scores, many.state),
             ):
                 member = (st == state) & (sc >= low) & (sc < high)
-                line[f"{who} share %"] = 100.0 * float(member.sum() / (st == state).sum())
+                line[f"{who} fraction %"] = 100.0 * float(member.sum() / (st == state).sum())
                 line[who] = np.percentile(100.0 * r[member], QUANTILES).tolist()
             lines.append(line)
     return lines

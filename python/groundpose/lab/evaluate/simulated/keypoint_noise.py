@@ -1,16 +1,15 @@
 """Keypoints and scores of a simulated detector, drawn as a real CNN's on KITTI.
 
-A keypoint draws a band of scores (visible and hidden ones from different shares); its band says how likely it
-is wrong and how large its noise is when it is not. A wrong one sits at another place: where its left/right
-partner is, where the keypoint is that half a turn puts in its place, on top of another keypoint that was
-found, or anywhere in the box. A share of the objects is confused: keypoints of their hidden end look found,
-half a turn away. `groundpose evaluate detector` fits the numbers to 108 cars
-of three tracks.
+A keypoint draws a band of scores (visible and hidden ones from different fractions); its band says how
+likely it is wrong and how large its noise is when it is not. A wrong one sits at another place: where its
+left/right partner is, where the keypoint is that half a turn puts in its place, on top of another keypoint
+that was found, or anywhere in the box. A fraction of the objects is confused: keypoints of their hidden end
+look found, half a turn away. `groundpose evaluate detector` fits the numbers to 108 cars of three tracks.
 
 Left out: the shift that all keypoints of a car share (8 to 10 % of the box, constant over a track: it comes
 from the stretched mean shape and the label, so it was taken away before the fit), errors that neighbours or
 successive frames share, places that attract wrong keypoints, any dependence on size, light and occluders.
-Three tracks are few: the share of confused objects (one car of three) is little more than a guess.
+Three tracks are few: the fraction of confused objects (one car of three) is little more than a guess.
 """
 
 from __future__ import annotations
@@ -29,19 +28,19 @@ EDGES = (0.003, 0.015, 0.05, 0.1, 0.3, 0.5, 0.65, 0.87)
 FOUND, DOUBTFUL = 4, 2
 """First band of keypoints that count as found, and of those in doubt; below them nothing was found."""
 NOISE = (0.104, 0.070, 0.058, 0.058, 0.040, 0.037, 0.023)
-"""Standard deviation of a coordinate of a right keypoint by band, share of the longer side l of the box."""
+"""Standard deviation of a coordinate of a right keypoint by band, over the longer side l of the box."""
 KINDS = ("left/right", "half turn", "another", "box")
 """Where a wrong keypoint is."""
 LEFT_RIGHT, HALF_TURN, ANOTHER, BOX, RIGHT = range(len(KINDS) + 1)
 CROP_MARGIN = 0.1
-"""What a detector sees around the box, share of l."""
+"""What a detector sees around the box, fraction of l."""
 STREAM = 2
 """Sets the random numbers of keypoints apart from those of boxes of the same seed."""
 
 
 @dataclass(frozen=True)
 class Habit:
-    """How the detector treats the keypoints of one kind of object: shares by band of scores."""
+    """How the detector treats the keypoints of one kind of object: fractions by band of scores."""
 
     bands: tuple[tuple[float, ...], tuple[float, ...]]
     """Of hidden and of visible keypoints, each adds up to 1."""
@@ -110,8 +109,8 @@ def _nearest(points: Array, others: Array) -> npt.NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Detector:
-    """A detector of keypoints. `quality` scales the noise, the share of keypoints that are not found (bands
-    below DOUBTFUL) and that of confused objects; 1 = as measured. What a score means stays."""
+    """A detector of keypoints. `quality` scales the noise, the fraction of keypoints that are not found
+    (bands below DOUBTFUL) and that of confused objects; 1 = as measured. What a score means stays."""
 
     name: str
     quality: float
@@ -139,14 +138,14 @@ class Detector:
         return np.where(own[..., None], _in_crop(at, seen.bboxes), np.nan), scores
 
     def _bands(self) -> Array:
-        """(2, 3, bands): shares for clear and confused objects, by state."""
-        shares = np.array([[habit.bands[0], *habit.bands] for habit in (CLEAR, CONFUSED)])
-        lost = np.arange(shares.shape[-1]) < DOUBTFUL
-        shares[:, OUTSIDE] *= lost  # what is not in the image cannot be found
-        low = shares[..., lost].sum(axis=-1, keepdims=True)
+        """(2, 3, bands): fractions for clear and confused objects, by state."""
+        fractions = np.array([[habit.bands[0], *habit.bands] for habit in (CLEAR, CONFUSED)])
+        lost = np.arange(fractions.shape[-1]) < DOUBTFUL
+        fractions[:, OUTSIDE] *= lost  # what is not in the image cannot be found
+        low = fractions[..., lost].sum(axis=-1, keepdims=True)
         better = np.where(lost, self.quality, (1.0 - self.quality * low) / np.maximum(1.0 - low, 1e-9))
         better[:, OUTSIDE] = 1.0
-        scaled = shares * better
+        scaled = fractions * better
         return np.asarray(scaled / scaled.sum(axis=-1, keepdims=True))
 
 
@@ -177,9 +176,9 @@ class _Draws:
         return cls(confused, band, wrong, kind, another, score, scatter, anywhere)
 
 
-def _pick(u: Array, shares: Array) -> npt.NDArray[np.int64]:
-    """Index into the last axis of `shares`, which adds up to 1, by u from 0 to 1."""
-    return np.asarray((u[..., None] > np.cumsum(shares, axis=-1)[..., :-1]).sum(axis=-1))
+def _pick(u: Array, fractions: Array) -> npt.NDArray[np.int64]:
+    """Index into the last axis of `fractions`, which adds up to 1, by u from 0 to 1."""
+    return np.asarray((u[..., None] > np.cumsum(fractions, axis=-1)[..., :-1]).sum(axis=-1))
 
 
 def _wrong() -> Array:

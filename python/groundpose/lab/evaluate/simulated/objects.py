@@ -38,7 +38,7 @@ class Vehicles:
     t: Array
     occlusion: Integers
     truncation: Array
-    """Share of the box outside the image."""
+    """Fraction of the box outside the image."""
 
     def __len__(self) -> int:
         """Number of vehicles."""

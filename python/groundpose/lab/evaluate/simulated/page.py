@@ -20,7 +20,7 @@ SIMPLE = {"G1": "gn", "G2": "re"}
 PAGE = Path("docs/experiments_simulated.md")
 INTRODUCTION = """\
 The paper's experiments on a driving simulator (sec. 4.2, Table 2), on our own virtual drive: vehicles of four
-classes, camera 1914 x 1080 with 50.8 deg, told pitch and roll 0 while the camera shakes and roads slope.
+classes, camera 1914 x 1080 with 50.8 deg, nominal pitch and roll 0 while the camera shakes and roads slope.
 **G1**: each vehicle's own keypoints and box are known. **G2**: only the shape model of its class is.
 
 There is no network in it. A simulated detector gives keypoints, scores and boxes, with errors as measured on
@@ -30,7 +30,7 @@ KITTI (last section). So this compares solvers; it says nothing about a network.
   most largely occluded.
 - Detectors of keypoints:
 {detectors}
-  Quality scales the noise, the share of keypoints that are not found and that of confused objects.
+  Quality scales the noise, the fraction of keypoints that are not found and that of confused objects.
 - Boxes: the true ones, as in the paper, and with the errors of a real detector.
 - Thresholds as in the paper: t_in = tau1 = 0.0375 l, tau2 = 0.05 l, tau3 = 0.15 l, where l is the longer side
   of the box given.
@@ -46,7 +46,7 @@ KITTI (last section). So this compares solvers; it says nothing about a network.
 - "{default}" searches with one keypoint and the box, and where the answer is doubtful again with two
   keypoints. It refuses poses that chance explains and pays 180 deg and 100 % for it. The others answer
   always: "{never}" compares like with like. "{up2p}" searches with two
-  keypoints and the told tilt, and looks at the box in the refinement only.
+  keypoints and the nominal tilt, and looks at the box in the refinement only.
 - Times: processor time of one thread, relative to our default; ours are batch calls from Python, a library's
   its own calls alone. Microseconds and machine are in the stored results."""
 PAPER = {
@@ -67,7 +67,7 @@ the image border does not cut. The simulated ones have the same cars, poses and 
 shift that all keypoints of a track share, 8 to 10 % of the box, which comes from the mean shape and the
 labels. Left out: vehicles the detector missed, errors that neighbours and successive frames share, places in
 a picture that attract wrong keypoints, any dependence of keypoints on size, light and what hides them. The
-share of confused objects is one car of three: little more than a guess."""
+fraction of confused objects is one car of three: little more than a guess."""
 ERRORS = {
     "G1": {"e_r deg": "mean_e_r_deg", "e_t %": "mean_e_t_percent"},
     "G2": {"e_r deg": "mean_e_r_deg", "e_v cm": "mean_e_v_cm"},
