@@ -13,7 +13,7 @@ from groundpose.lab.evaluate.simulated.contest import contestants
 from groundpose.lab.evaluate.simulated.errors import Errors
 from groundpose.lab.training.crops import Crops, write_crops
 from groundpose.lab.training.rendered import rendered_samples
-from groundpose.vehicles import KINDS
+from groundpose.vehicles import CLASSES
 
 
 class KnowsAll:
@@ -31,8 +31,8 @@ class KnowsAll:
         labels, windows = self.labels[:n], self.windows[:n]
         self.labels, self.windows = self.labels[n:], self.windows[n:]
         points = self.codec.crop_from_image(labels["keypoints"].astype(float), windows)
-        kinds = np.eye(len(KINDS))[labels["kind"]]
-        return Detections(points, np.full(points.shape[:2], 0.5), np.full(points.shape[:2], 0.9), kinds)
+        classes = np.eye(len(CLASSES))[labels["kind"]]
+        return Detections(points, np.full(points.shape[:2], 0.5), np.full(points.shape[:2], 0.9), classes)
 
 
 @pytest.fixture(scope="module")

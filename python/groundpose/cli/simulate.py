@@ -78,9 +78,9 @@ def read_shares(text: str) -> dict[str, float]:
     """`car=0.6,van_bus=0.4` as numbers by class. Raises InputError."""
     shares = {}
     for part in text.split(","):
-        kind, _, share = part.partition("=")
+        class_name, _, share = part.partition("=")
         try:
-            shares[kind.strip()] = float(share)
+            shares[class_name.strip()] = float(share)
         except ValueError:
             raise InputError(f"--class-shares: expected CLASS=SHARE,..., got {part!r}") from None
     return shares

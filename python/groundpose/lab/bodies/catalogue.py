@@ -12,7 +12,7 @@ from groundpose.lab.bodies.box_truck import body as box_truck
 from groundpose.lab.bodies.car import body as car
 from groundpose.lab.bodies.pickup import body as pickup
 from groundpose.lab.bodies.van_bus import body as van_bus
-from groundpose.vehicles.keypoints import KINDS
+from groundpose.vehicles.classes import CLASSES
 
 # How often each style of a class is met; the shape models are made of the same mixture.
 _SHARES: dict[str, dict[str, float]] = {
@@ -21,46 +21,46 @@ _SHARES: dict[str, dict[str, float]] = {
     "pickup": {"single_cab": 0.35, "double_cab": 0.65},
     "box_truck": {"cab_gap": 0.65, "no_gap": 0.35},
 }
-STYLES: dict[str, tuple[str, ...]] = {kind: tuple(shares) for kind, shares in _SHARES.items()}
+STYLES: dict[str, tuple[str, ...]] = {class_name: tuple(shares) for class_name, shares in _SHARES.items()}
 """Styles of each class."""
 _BUILDERS: dict[str, ModuleType] = {"car": car, "van_bus": van_bus, "pickup": pickup, "box_truck": box_truck}
 
 
-def body(kind: str, seed: int, style: str | None = None) -> Body:
-    """The vehicle of class `kind` with number `seed`; the same arguments give the same bytes.
+def body(class_name: str, seed: int, style: str | None = None) -> Body:
+    """The vehicle of class `class_name` with number `seed`; the same arguments give the same bytes.
 
     Args:
-        kind: class, one of `KINDS`.
+        class_name: class, one of `CLASSES`.
         seed: 0 or larger.
-        style: one of `STYLES[kind]`; None: drawn from the seed as often as each is met on the road.
+        style: one of `STYLES[class_name]`; None: drawn from the seed as often as each is met on the road.
 
     Raises:
         InputError: an unknown class or style, a negative seed.
     """
-    drawn = style_of(kind, seed)  # checks class and seed
-    if style is not None and style not in STYLES[kind]:
-        raise input_error("style", f"one of {', '.join(STYLES[kind])}", repr(style))
-    made: Body = _BUILDERS[kind].build(style or drawn, seed)
+    drawn = style_of(class_name, seed)  # checks class and seed
+    if style is not None and style not in STYLES[class_name]:
+        raise input_error("style", f"one of {', '.join(STYLES[class_name])}", repr(style))
+    made: Body = _BUILDERS[class_name].build(style or drawn, seed)
     return made
 
 
-def keypoints_of(kind: str, seed: int) -> FloatArray:
-    """`body(kind, seed).keypoints_3d` (P, 3), made without the mesh."""
-    return outline(kind, seed)[0]
+def keypoints_of(class_name: str, seed: int) -> FloatArray:
+    """`body(class_name, seed).keypoints_3d` (P, 3), made without the mesh."""
+    return outline(class_name, seed)[0]
 
 
-def outline(kind: str, seed: int) -> tuple[FloatArray, FloatArray]:
-    """`keypoints_3d` (P, 3) and `bbox_3d` (2, 3) of `body(kind, seed)`, made without the mesh."""
-    made: tuple[FloatArray, FloatArray] = _BUILDERS[kind].keypoints(style_of(kind, seed), seed)
+def outline(class_name: str, seed: int) -> tuple[FloatArray, FloatArray]:
+    """`keypoints_3d` (P, 3) and `bbox_3d` (2, 3) of `body(class_name, seed)`, made without the mesh."""
+    made: tuple[FloatArray, FloatArray] = _BUILDERS[class_name].keypoints(style_of(class_name, seed), seed)
     return made
 
 
-def style_of(kind: str, seed: int) -> str:
-    """The style that `body(kind, seed)` has. A stream of its own: bodies stay when the shares change."""
-    if kind not in KINDS:
-        raise input_error("kind", f"one of {', '.join(KINDS)}", repr(kind))
+def style_of(class_name: str, seed: int) -> str:
+    """The style that `body(class_name, seed)` has. Drawn apart: bodies stay when the shares change."""
+    if class_name not in CLASSES:
+        raise input_error("class_name", f"one of {', '.join(CLASSES)}", repr(class_name))
     rng = np.random.Generator(
-        np.random.PCG64(np.random.SeedSequence((count("seed", seed), KINDS.index(kind))))
+        np.random.PCG64(np.random.SeedSequence((count("seed", seed), CLASSES.index(class_name))))
     )
-    shares = _SHARES[kind]
-    return STYLES[kind][int(rng.choice(len(shares), p=list(shares.values())))]
+    shares = _SHARES[class_name]
+    return STYLES[class_name][int(rng.choice(len(shares), p=list(shares.values())))]

@@ -54,8 +54,8 @@ def detected(network: Network, crops: Crops, experiment: str, boxes: str, seed: 
 def _own(objects: Objects, values: Array, fill: float) -> Array:
     """The values (N, K, ...) of each vehicle's own keypoints, (N, WIDTH, ...)."""
     found = np.full((len(objects), WIDTH, *values.shape[2:]), fill)
-    for row, kind, all_of_it in zip(found, objects.kinds, values, strict=True):
-        own = keypoint_indices(kind)
+    for row, class_name, all_of_it in zip(found, objects.classes, values, strict=True):
+        own = keypoint_indices(class_name)
         row[: len(own)] = all_of_it[own]
     return found
 
