@@ -35,7 +35,7 @@ def spec(*shape: int | str, written: bool = True) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResultFields(Generic[Text, Flag, Number, Count]):
-    """What is known of an object: the fields of `Pose`, and with N in front of each shape those of `PoseBatch`.
+    """The result for an object: the fields of `Pose` and, with N before each shape, of `PoseBatch`.
 
     `Text`, `Flag`, `Number` and `Count` are `str`, `bool`, `float` and `int` in a `Pose`, and arrays (N,) of
     them in a `PoseBatch`. This is the one list of result fields: the solver's core gives an array of each

@@ -1,5 +1,6 @@
 """The stubs of the compiled module say what the module has, and the package says it is typed."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -37,6 +38,32 @@ def test_types_of_attributes_are_those_of_the_stubs():
     assert isinstance(VIEW._handle.horizon(), tuple)
     assert MODEL._handle.footprint.shape == (4, 2)
     assert CAMERA._handle.distortion is None
+
+
+def test_a_type_checker_sees_the_types_of_results_and_options(tmp_path):
+    pytest.importorskip("mypy")
+    names = (
+        "pose.yaw",
+        "pose.status",
+        "pose.inlier_count",
+        "poses.yaw",
+        "poses.ok",
+        "poses[0]",
+        "options.solver",
+    )
+    (tmp_path / "user.py").write_text(f"""
+import groundpose as gp
+
+def see(pose: gp.Pose, poses: gp.PoseBatch, options: gp.Options) -> None:
+    {"; ".join(f"reveal_type({name})" for name in names)}
+""")
+    command = [sys.executable, "-m", "mypy", str(tmp_path / "user.py")]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=PACKAGE.parent, check=False)
+    seen = re.findall('Revealed type is "(.*)"', result.stdout)
+    wanted = ("float", "str", "int", "float64", "numpy.bool", "Pose", "Literal['auto']")
+    assert len(seen) == len(names), result.stdout + result.stderr
+    assert [word for word, type_ in zip(wanted, seen, strict=True) if word not in type_] == []
+    assert all("ndarray" in type_ for type_ in seen[3:5])
 
 
 def test_the_package_is_typed():
