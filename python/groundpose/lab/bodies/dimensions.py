@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundpose.vehicles.keypoints import KINDS
+from groundpose.vehicles.classes import CLASSES
 
 
 class Spread(NamedTuple):
@@ -183,9 +183,9 @@ def random_stream(kind: str, style: str, seed: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words)))
 
 
-def draw_dimensions(kind: str, style: str, rng: np.random.Generator) -> Dimensions:
+def draw_dimensions(class_name: str, style: str, rng: np.random.Generator) -> Dimensions:
     """Outer measures of a vehicle of this style, from seven draws of `rng` or a few more."""
-    row = _TABLE[kind, style]
+    row = _TABLE[class_name, style]
     length = row.length.draw(rng)
     longer = length - row.length.mean
     height, width, fraction, overhang, radius, clearance = (spread.draw(rng, longer) for spread in row[1:])

@@ -37,7 +37,7 @@ class Batch:
     crops: Tensor
     keypoints: Tensor
     state: Tensor
-    kind: Tensor
+    class_index: Tensor
     windows: FloatArray
     labels: Records
 
