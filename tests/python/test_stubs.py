@@ -1,6 +1,5 @@
 """The stubs of the compiled module say what the module has, and the package says it is typed."""
 
-import re
 import subprocess
 import sys
 from pathlib import Path

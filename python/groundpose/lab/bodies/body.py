@@ -50,7 +50,7 @@ class Body:
         faces: (F, 3) rows of `vertices`, counter-clockwise seen from outside.
         materials: (F,) rows of `MATERIALS`.
         parts: (F,) component of each face; each is closed once equal positions are merged.
-        keypoints_3d: (P, 3) on the surface, in the order of `keypoint_names(kind)`.
+        keypoints_3d: (P, 3) on the surface, in the order of `keypoint_names(class_name)`.
         bbox_3d: (2, 3) `[min, max]` corner without mirrors and antennas.
         wheels: (W, 4) centre x, y, z and radius.
     """

@@ -176,10 +176,10 @@ _TABLE: dict[tuple[str, str], _Row] = {
 }
 
 
-def random_stream(kind: str, style: str, seed: int) -> np.random.Generator:
+def random_stream(class_name: str, style: str, seed: int) -> np.random.Generator:
     """Random generator of one body; it depends on class, style and seed only."""
-    styles = [row for row in _TABLE if row[0] == kind]
-    words = (seed, KINDS.index(kind), 1 + styles.index((kind, style)))
+    styles = [row for row in _TABLE if row[0] == class_name]
+    words = (seed, CLASSES.index(class_name), 1 + styles.index((class_name, style)))
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words)))
 
 

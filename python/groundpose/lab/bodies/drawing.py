@@ -43,8 +43,8 @@ _VISIBLE, _HIDDEN, _ACCENT = "#1a1a1a", "#8a8f98", "#d1495b"
 _DEPTH_TOLERANCE = 0.04
 
 
-def draw_keypoints(kind: str, pixels_per_metre: float = 110.0) -> Figure:
-    """Draw the keypoints of class `kind` with their numbers on a body seen from two sides.
+def draw_keypoints(class_name: str, pixels_per_metre: float = 110.0) -> Figure:
+    """Draw the keypoints of class `class_name` with their numbers on a body seen from two sides.
 
     Dark numbers are visible in that view, grey ones hidden.
     """

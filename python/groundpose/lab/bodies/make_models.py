@@ -50,7 +50,9 @@ def modes_needed(stack: FloatArray) -> int:
 def fit(class_name: str, stack: FloatArray, boxes: FloatArray) -> ShapeModel:
     """The shape model of keypoints (S, P, 3) and boxes (S, 2, 3); its box follows the shape."""
     modes = modes_needed(stack)
-    model = ShapeModel.fit(stack, modes, bbox_3d=boxes, keypoint_names=keypoint_names(kind), name=kind)
+    model = ShapeModel.fit(
+        stack, modes, bbox_3d=boxes, keypoint_names=keypoint_names(class_name), name=class_name
+    )
     # The sign of a mode is arbitrary; it is fixed here so that every machine writes the same file.
     flat = model.basis.reshape(modes, -1)
     largest = flat[np.arange(modes), np.abs(flat.round(6)).argmax(axis=1)]
@@ -70,7 +72,7 @@ def fit(class_name: str, stack: FloatArray, boxes: FloatArray) -> ShapeModel:
 def make(
     folder: Path = FOLDER, count: int = BODIES, advance: Callable[[str], None] = lambda class_name: None
 ) -> None:
-    """Write `KIND.npz` of every class into `folder`; `advance` is called after every body."""
+    """Write `CLASS.npz` of every class into `folder`; `advance` is called after every body."""
     folder.mkdir(parents=True, exist_ok=True)
     for class_name in CLASSES:
         rows = []

@@ -37,13 +37,13 @@ def crop_box(bbox: FloatArray, size: tuple[int, int], margin: float = _MARGIN) -
     return np.concatenate([middle - reach, middle + reach])
 
 
-def crops(renderer: Renderer, kind: str, count: int) -> list[NDArray[np.uint8]]:
+def crops(renderer: Renderer, class_name: str, count: int) -> list[NDArray[np.uint8]]:
     """Crops of vehicles of one class from successive scenes."""
-    fractions = {k: 0.7 if k == kind else 0.1 for k in KINDS}
+    fractions = {k: 0.7 if k == class_name else 0.1 for k in CLASSES}
     out: list[NDArray[np.uint8]] = []
     drive = 0
     while len(out) < count:
-        made = scene(scene_seed(1000 * KINDS.index(kind) + drive, "validation"), 10, fractions)
+        made = scene(scene_seed(1000 * CLASSES.index(class_name) + drive, "validation"), 10, fractions)
         drive += 1
         shown = [
             x for x in labels(made)

@@ -53,14 +53,14 @@ def bodies_of(split: str, class_name: str) -> int:
 
 
 @lru_cache(maxsize=2048)
-def body(kind: str, seed: int) -> Body:
+def body(class_name: str, seed: int) -> Body:
     """`groundpose.lab.bodies.body` with a cache."""
-    return make_body(kind, seed)
+    return make_body(class_name, seed)
 
 
 @lru_cache(maxsize=4096)
-def length_and_width(kind: str, seed: int) -> tuple[float, float]:
-    """Length, height, width of `body(kind, seed)`, metres, computed without its mesh."""
-    _, box = outline(kind, seed)
+def length_and_width(class_name: str, seed: int) -> tuple[float, float]:
+    """Length, height, width of `body(class_name, seed)`, metres, computed without its mesh."""
+    _, box = outline(class_name, seed)
     width, _, length = (box[1] - box[0]).tolist()
     return length, width

@@ -41,7 +41,7 @@ class Actor:
 
 
 @dataclass(frozen=True)
-class Kinds:
+class Classes:
     """Draws vehicles of a split with the frequencies of the classes."""
 
     rng: np.random.Generator
@@ -64,7 +64,7 @@ def traffic(
     rng: np.random.Generator, road: Road, ego: Ego, split: str, shares: Mapping[str, float]
 ) -> tuple[Actor, ...]:
     """All vehicles of a drive in order of priority: where two would overlap, the later one is omitted."""
-    maker = _Maker(rng, road, ego, Kinds(rng, split, shares))
+    maker = _Maker(rng, road, ego, Classes(rng, split, shares))
     parked = [actor for row in road.layout.parking for actor in maker.row(row)]
     cross = list(maker.junction(road.junction)) if road.junction is not None else []
     lanes = sorted(road.layout.lanes, key=lambda lane: abs(lane.d - ego.d[0]))
@@ -213,7 +213,7 @@ class _Maker:
 
     def _along(self, path: FloatArray, state: str, speed: float) -> Actor:
         """A vehicle that reaches the middle of its path in a random frame of the drive."""
-        chosen = self.kinds.draw(widest=2.6)
+        chosen = self.classes.draw(widest=2.6)
         lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
         t = np.arange(len(self.ego.s)) * FRAME_INTERVAL
         progress = np.clip(
@@ -241,10 +241,10 @@ def _rounded(before: FloatArray, corner: FloatArray, after: FloatArray, radius: 
 
 def check_shares(shares: Mapping[str, float]) -> None:
     """Raises InputError for an unknown class, a negative fraction, or no fraction above zero."""
-    for kind, fraction in shares.items():
-        if kind not in KINDS:
-            raise input_error("class fractions", f"classes {', '.join(KINDS)}", repr(kind))
+    for class_name, fraction in shares.items():
+        if class_name not in CLASSES:
+            raise input_error("class fractions", f"classes {', '.join(CLASSES)}", repr(class_name))
         if not (math.isfinite(number("class fractions", fraction)) and fraction >= 0.0):
-            raise input_error("class fractions", f"a number from 0 for {kind}", fraction)
+            raise input_error("class fractions", f"a number from 0 for {class_name}", fraction)
     if not sum(shares.values()) > 0.0:
         raise input_error("class fractions", "at least one above zero", dict(shares))

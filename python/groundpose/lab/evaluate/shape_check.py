@@ -149,8 +149,10 @@ def check_modes(class_name: str, advance: Callable[[], None]) -> dict[str, Any]:
 def run(data: Path | None = None) -> dict[str, Any]:
     """All checks; a progress bar counts bodies."""
     with Progress() as progress:
-        bar = progress.add_task("bodies", total=len(KINDS) * UNSEEN)
-        models = {kind: check_modes(kind, lambda: progress.advance(bar)) for kind in KINDS}
+        bar = progress.add_task("bodies", total=len(CLASSES) * UNSEEN)
+        models = {
+            class_name: check_modes(class_name, lambda: progress.advance(bar)) for class_name in CLASSES
+        }
     content: dict[str, Any] = {"command": "groundpose evaluate shapes", "models": models}
     cars = real_cars(data_folder(data))
     if cars is not None:

@@ -104,7 +104,7 @@ def _models(models: dict[str, Any]) -> list[str]:
 
     first = next(iter(models.values()))
     lines, sizes = [], []
-    for kind, model in models.items():
+    for class_name, model in models.items():
         percentages = [100.0 * fraction for fraction in model["variance of each mode"]]
         lines.append(
             {

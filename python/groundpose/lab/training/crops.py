@@ -35,7 +35,7 @@ LABEL = np.dtype(
     [
         ("keypoints", "<f4", (len(KEYPOINTS), 2)),  # image pixels, NaN = not a keypoint of this class
         ("state", "u1", (len(KEYPOINTS),)),  # OUTSIDE, HIDDEN or VISIBLE of `groundpose.lab.drive`
-        ("kind", "u1"),  # index into KINDS
+        ("kind", "u1"),  # index into CLASSES
         ("box", "<f4", (4,)),  # left, top, right, bottom, image pixels, cut as a detector's
         ("window", "<f8", (4,)),  # part of the image in the stored crop, image pixels
         ("image_size", "<i4", (2,)),  # width, height; a crop has no picture outside the image

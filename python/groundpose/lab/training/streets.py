@@ -188,7 +188,7 @@ def _tile(j: Judged, i: int) -> Image.Image:
         if math.isfinite(x) and score > 0.1:
             colour = tuple(int(score * g + (1 - score) * b) for g, b in zip(_GOOD, _BAD, strict=True))
             draw.ellipse([x - 2, y - 2, x + 2, y + 2], fill=colour)
-    caption = f"{j.street.name} {j.poses.kinds[i]} {j.rotation_error[i]:.1f}"
+    caption = f"{j.street.name} {j.poses.classes[i]} {j.rotation_error[i]:.1f}"
     draw.text(
         (4, 4),
         caption + (" easy" if j.street.easy[i] else ""),

@@ -100,7 +100,7 @@ def look(class_name: str, seed: int) -> Look:
     """The look of a vehicle of class `class_name`."""
     rng = np.random.default_rng([81, seed])
     fractions = np.array(
-        [fraction for *_, fraction in PAINTS] if kind == "car" else _WORK_FREQUENCIES, dtype=float
+        [fraction for *_, fraction in PAINTS] if class_name == "car" else _WORK_FREQUENCIES, dtype=float
     )
     colour, flakes, _ = PAINTS[rng.choice(len(PAINTS), p=fractions / fractions.sum())]
     shade = rng.normal(1.0, 0.12)
