@@ -58,7 +58,7 @@ def outline(class_name: str, seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 def style_of(class_name: str, seed: int) -> str:
-    """The style of `body(class_name, seed)`, from a stream of its own: bodies stay when frequencies change."""
+    """The style of `body(class_name, seed)`, from its own stream: bodies stay when frequencies change."""
     if class_name not in CLASSES:
         raise input_error("class_name", f"one of {', '.join(CLASSES)}", repr(class_name))
     rng = np.random.Generator(
