@@ -3,6 +3,7 @@
 - `fx, fy: focal lengths` in a section is one entry for each name, so that each finds its type and default.
 - Lines of an interpreter session become a block of code; so does what follows a line that ends in `::`.
 - A default that is a private name is shown as its value.
+- Docstrings of a class's fields become its table of attributes.
 """
 
 from __future__ import annotations
@@ -35,10 +36,21 @@ class Docstrings(griffe.Extension):
         """Fields of the dataclasses, whose values are the defaults of a signature."""
         attr.value = _shown(attr.value, attr)
 
+    def on_class_members(self, *, cls: griffe.Class, **_: Any) -> None:
+        """Fields that have docstrings of their own are a table of their class."""
+        fields = {name: field.docstring for name, field in cls.attributes.items() if _is_documented(field)}
+        if cls.docstring is not None and fields and "Attributes:" not in cls.docstring.value:
+            entries = [f"    {name}: {' '.join(text.value.split())}" for name, text in fields.items()]
+            cls.docstring.value += "\n\nAttributes:\n" + "\n".join(entries)
+
     def on_function(self, *, func: griffe.Function, **_: Any) -> None:
         """Parameters of functions."""
         for parameter in func.parameters:
             parameter.default = _shown(parameter.default, func)
+
+
+def _is_documented(attribute: griffe.Attribute) -> bool:
+    return attribute.docstring is not None and "property" not in attribute.labels
 
 
 def readable(text: str) -> str:

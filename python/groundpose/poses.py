@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# What a number is: itself in a `Pose`, an array (N,) in a `PoseBatch`.
 Text = TypeVar("Text")
 Flag = TypeVar("Flag")
 Number = TypeVar("Number")
@@ -36,10 +35,11 @@ def spec(*shape: int | str, written: bool = True) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResultFields(Generic[Text, Flag, Number, Count]):
-    """What is known of an object: the fields of `Pose`, and with N in front of each shape of `PoseBatch`.
+    """The result for an object: the fields of `Pose` and, with N before each shape, of `PoseBatch`.
 
-    This is the one list of result fields: the solver's core gives an array of each name, and all else that
-    is done with every field follows from here.
+    `Text`, `Flag`, `Number` and `Count` are `str`, `bool`, `float` and `int` in a `Pose`, and arrays (N,) of
+    them in a `PoseBatch`. This is the one list of result fields: the solver's core gives an array of each
+    name, and all else that is done with every field follows from here.
     """
 
     status: Text = field(metadata=spec())

@@ -16,7 +16,7 @@ import numpy as np
 from groundpose import demo
 from groundpose.formats.conversions import to_quaternions
 from groundpose.lab.drive import labels, scene, scene_seed
-from groundpose.vehicles import KINDS, body
+from groundpose.vehicles import CLASSES, body
 from kernels import run, variants
 
 BODIES = range(20)
@@ -25,8 +25,8 @@ FRAMES = range(20)
 
 def values() -> dict[str, np.ndarray]:
     """By what they are and their unit."""
-    bodies = [body(kind, seed) for kind in KINDS for seed in BODIES]
-    cars = [each.keypoints_3d for each in bodies if each.kind == KINDS[0]]
+    bodies = [body(class_name, seed) for class_name in CLASSES for seed in BODIES]
+    cars = [each.keypoints_3d for each in bodies if each.class_name == CLASSES[0]]
     fitted = gp.ShapeModel.fit(cars, modes=5)
     signs = np.sign(fitted.basis.reshape(5, -1)[:, 0])[:, None, None]  # of a mode: open
     seen = [label for number in FRAMES for label in labels(scene(scene_seed(9, "validation"), number))]

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS
-from groundpose.vehicles.keypoints import KEYPOINTS, KINDS
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import KEYPOINTS
 
 onnx = pytest.importorskip("onnx", reason="onnx is not installed (extra [train])")
 
@@ -15,11 +16,11 @@ K, WIDTH, HEIGHT = len(KEYPOINTS), 128, 96
 PLACES = np.random.default_rng(1).uniform((20, 20), (108, 76), (K, 2)).astype(np.float32)
 
 
-def write(path: Path, kind: int = 0, places: np.ndarray = PLACES, **changes: str) -> Path:
+def write(path: Path, class_name: int = 0, places: np.ndarray = PLACES, **changes: str) -> Path:
     """A network that sees keypoints (K, 2) at `places` and one class; `changes` are of its metadata."""
     helper, of = onnx.helper, onnx.numpy_helper.from_array
-    logits = np.full(len(KINDS), 0.1, np.float32)
-    logits[kind] = 0.7
+    logits = np.full(len(CLASSES), 0.1, np.float32)
+    logits[class_name] = 0.7
     answers = dict(
         zip(
             OUTPUTS,
@@ -43,7 +44,7 @@ def write(path: Path, kind: int = 0, places: np.ndarray = PLACES, **changes: str
         "height": str(HEIGHT),
         "margin": "0.1",
         "keypoints": json.dumps([k.name for k in KEYPOINTS]),
-        "kinds": json.dumps(KINDS),
+        "kinds": json.dumps(CLASSES),
         "score_calibration": "[-6.0, -2.0, 0.0]",
     }
     onnx.helper.set_model_props(model, said | changes)

@@ -10,7 +10,7 @@ from conftest import project, rotation_error_deg
 from groundpose import demo
 from groundpose.demo.street import IMAGE, LABELS
 from groundpose.keypoints.network import bundled
-from groundpose.vehicles import KINDS
+from groundpose.vehicles import CLASSES
 from PIL import Image
 from test_cli import one_line, run
 
@@ -31,8 +31,8 @@ def test_the_street_is_what_its_labels_say():
     height, width = STREET.image.shape[:2]
     assert STREET.view.camera.image_size == (width, height)
     assert len(STREET.bboxes) >= 6
-    assert len(set(STREET.kinds)) >= 3
-    assert set(STREET.kinds) <= set(KINDS)
+    assert len(set(STREET.classes)) >= 3
+    assert set(STREET.classes) <= set(CLASSES)
     assert (STREET.view.pitch, STREET.view.roll) == (0.0, 0.0)
     for box, R, t, bbox_3d in zip(STREET.bboxes, STREET.R, STREET.t, STREET.bbox_3d, strict=True):
         low, high = extent(R, t, bbox_3d + FITTINGS)
@@ -86,6 +86,6 @@ def test_the_bundled_network_solves_the_street():
     assert good.sum() >= len(good) - 1
     assert np.median(rotation_error_deg(STREET.R, result.poses.R)[good]) < 4.0
     assert np.median((result.position_errors / np.linalg.norm(STREET.t, axis=1))[good]) < 0.06
-    assert np.mean(result.poses.kinds == np.array(STREET.kinds)) > 0.8
+    assert np.mean(result.poses.classes == np.array(STREET.classes)) > 0.8
     again = gp.Pipeline(threads=2)(IMAGE, STREET.bboxes, STREET.view)
     np.testing.assert_allclose(again.t, result.poses.t, rtol=1e-4)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from groundpose.cli.main import app
 from groundpose.formats.kitti.dataset import KittiSet
-from groundpose.formats.kitti.labels import KIND_OF, read_labels
+from groundpose.formats.kitti.labels import CLASS_OF, read_labels
 from groundpose.formats.kitti.results import R_from_rotation_y, results, rotation_y
 from groundpose.formats.skips import Skips
 from groundpose.lab.data import data_folder
@@ -38,7 +38,7 @@ class Exact:
     def __call__(self, frame, bboxes, labels):
         pixels, models = [], []
         for label in labels:
-            model = shape_model(KIND_OF[label.type]).scaled(label.length, label.height, label.width)
+            model = shape_model(CLASS_OF[label.type]).scaled(label.length, label.height, label.width)
             points = (model.keypoints_3d - model.bottom_centre) @ R_from_rotation_y(label.rotation_y).T
             at = (points + label.location + frame.camera_from_labels) @ frame.camera.K.T
             pixels.append(at[:, :2] / at[:, 2:])

@@ -30,10 +30,10 @@ BASIS = np.linalg.qr(RNG.normal(size=(BODY.size, MODES)))[0].T.reshape(MODES, *B
 DEVIATION = np.array([0.4, 0.2, 0.1])
 
 
-def model(kind: str) -> gp.ShapeModel:
-    stretch = 1.0 if kind == "car" else 1.3
+def model(class_name: str) -> gp.ShapeModel:
+    stretch = 1.0 if class_name == "car" else 1.3
     box = stretch * np.array([[-0.9, -1.6, -2.2], [0.9, 0.0, 2.2]])
-    return gp.ShapeModel(stretch * BODY, box, BASIS, DEVIATION**2, name=kind)
+    return gp.ShapeModel(stretch * BODY, box, BASIS, DEVIATION**2, name=class_name)
 
 
 def vehicles(count: int, seed: int) -> objects.Vehicles:
@@ -41,8 +41,8 @@ def vehicles(count: int, seed: int) -> objects.Vehicles:
     rng = np.random.default_rng(seed)
     rows = []
     for k in range(count):
-        kind = ("car", "van_bus")[k % 3 == 2]
-        shape = model(kind).keypoints(rng.normal(size=MODES) * DEVIATION)
+        class_name = ("car", "van_bus")[k % 3 == 2]
+        shape = model(class_name).keypoints(rng.normal(size=MODES) * DEVIATION)
         view = gp.View(CAMERA, pitch=rng.normal(0.0, 0.02), roll=rng.normal(0.0, 0.01))
         depth = rng.uniform(8.0, 40.0)
         R = view.R_camera_from_ground @ rotation_about_y(rng.uniform(-np.pi, np.pi))
@@ -52,7 +52,7 @@ def vehicles(count: int, seed: int) -> objects.Vehicles:
         states = rng.integers(1, 3, len(shape)).astype(np.uint8)
         box_3d = np.stack([shape.min(axis=0), shape.max(axis=0)])
         bbox, cut = np.concatenate([low, high]), 0.1 * (k % 5 == 4)
-        rows.append(objects.Row(pixels, states, shape, bbox, kind, box_3d, R, t, k % 3, cut))
+        rows.append(objects.Row(pixels, states, shape, bbox, class_name, box_3d, R, t, k % 3, cut))
     return objects.from_rows(CAMERA, rows)
 
 

@@ -96,12 +96,19 @@ def test_image_overlap():
 
 
 def a_car(
-    x: float, z: float, angle: float, score: float | None = None, kind: str = "Car", **more
+    x: float, z: float, angle: float, score: float | None = None, class_name: str = "Car", **more
 ) -> KittiLabel:
     """Its box in the image follows from where it is, roughly."""
     u, side = 600.0 + 700.0 * x / z, 700.0 * 3.0 / z
     box = (u - side / 2, 170.0, u + side / 2, 170.0 + 700.0 * 1.5 / z)
-    values = {"type": kind, "truncated": 0.0, "occluded": 0, "alpha": angle, "bbox": box, "score": score}
+    values = {
+        "type": class_name,
+        "truncated": 0.0,
+        "occluded": 0,
+        "alpha": angle,
+        "bbox": box,
+        "score": score,
+    }
     place = {"height": 1.5, "width": 1.6, "length": 4.0, "location": (x, 1.6, z), "rotation_y": angle}
     return KittiLabel(**{**values, **place, **more})
 
@@ -115,8 +122,8 @@ def world(seed: int, frames: int = 150) -> list[tuple[list[KittiLabel], list[Kit
         for k in range(rng.integers(1, 5)):
             z = float(rng.uniform(8, 60))
             x, angle = float((k - 2) * 7 + rng.uniform(-1, 1)), float(rng.uniform(-3, 3))
-            kind = "Van" if rng.random() < 0.1 else "Car"
-            car = a_car(x, z, angle, None, kind, occluded=int(rng.integers(0, 3)))
+            class_name = "Van" if rng.random() < 0.1 else "Car"
+            car = a_car(x, z, angle, None, class_name, occluded=int(rng.integers(0, 3)))
             truth.append(car)
             if rng.random() < 0.85:
                 off = rng.normal(0, 0.12, 2)

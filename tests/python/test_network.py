@@ -15,7 +15,8 @@ from groundpose.keypoints import network as network_module
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.keypoints.image import as_rgb
 from groundpose.keypoints.network import FORMAT
-from groundpose.vehicles.keypoints import KINDS, keypoint_indices
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import keypoint_indices
 from PIL import Image
 from stand_in import HEIGHT, PLACES, WIDTH, K, write
 
@@ -41,7 +42,7 @@ def test_network_answers(path):
         found = network.detect(np.zeros((n, HEIGHT, WIDTH, 3), np.uint8))
         assert found.keypoints.shape == (n, K, 2)
         assert found.spread.shape == found.peak.shape == (n, K)
-        assert found.kind_probabilities.shape == (n, len(KINDS))
+        assert found.class_probabilities.shape == (n, len(CLASSES))
     np.testing.assert_array_equal(found.keypoints[2], PLACES)
 
 
@@ -85,18 +86,18 @@ def test_the_bundled_networks_are_one_and_named_in_the_help():
     assert all(name in get_args(NetworkFile)[1].help for name in network_module.BUNDLED)
 
 
-@pytest.mark.parametrize("kind", range(len(KINDS)))
-def test_keypoints_of_the_class_in_image_pixels(tmp_path, kind):
-    pipeline = Pipeline(write(tmp_path / "n.onnx", kind), threads=1)
+@pytest.mark.parametrize("class_name", range(len(CLASSES)))
+def test_keypoints_of_the_class_in_image_pixels(tmp_path, class_name):
+    pipeline = Pipeline(write(tmp_path / "n.onnx", class_name), threads=1)
     box = np.array([50.0, 40.0, 130.0, 90.0])
     poses = pipeline(IMAGE, [box], VIEW)
     codec = pipeline.network.codec
-    rows = keypoint_indices(KINDS[kind])
+    rows = keypoint_indices(CLASSES[class_name])
     wanted = codec.image_from_crop(PLACES[None].astype(float), codec.windows(box[None]))[0, rows]
     np.testing.assert_allclose(poses.keypoints_2d[0], wanted)
-    assert poses.kinds.tolist() == [KINDS[kind]]
-    assert poses.models[0] is pipeline.models[KINDS[kind]]
-    assert poses.kind_probability[0] == pytest.approx(0.7)
+    assert poses.classes.tolist() == [CLASSES[class_name]]
+    assert poses.models[0] is pipeline.models[CLASSES[class_name]]
+    assert poses.class_probability[0] == pytest.approx(0.7)
     side = 80.0 / ((codec.windows(box[None])[0, [2]] - codec.windows(box[None])[0, [0]]) / WIDTH)
     np.testing.assert_allclose(poses.keypoint_scores[0], 1 / (1 + np.exp(6 + 2 * np.log(2.0 / side[0]))))
 
@@ -109,11 +110,11 @@ def test_bad_boxes_lose_nothing_of_the_others(pipeline):
     )
     assert isinstance(many, VehiclePoses)
     assert isinstance(many, gp.PoseBatch)
-    assert many.kinds.tolist() == ["", "car", "", "", "", "car"]
+    assert many.classes.tolist() == ["", "car", "", "", "", "car"]
     for i in (0, 2, 3, 4):
         assert not many.ok[i]
         assert many.status[i] != "ok"
-        assert np.isnan(many.kind_probability[i])
+        assert np.isnan(many.class_probability[i])
     for i in (1, 5):
         np.testing.assert_array_equal(many.keypoints_2d[i], alone.keypoints_2d[0])
         np.testing.assert_array_equal(many.keypoint_scores[i], alone.keypoint_scores[0])

@@ -14,7 +14,7 @@ from groundpose.lab.evaluate.simulated.run import everybody
 from groundpose.lab.timing import Clock
 from groundpose.lab.training.crops import Crops, write_crops
 from groundpose.lab.training.rendered import rendered_samples
-from groundpose.vehicles import KINDS
+from groundpose.vehicles import CLASSES
 
 
 class KnowsAll:
@@ -32,8 +32,8 @@ class KnowsAll:
         labels, windows = self.labels[:n], self.windows[:n]
         self.labels, self.windows = self.labels[n:], self.windows[n:]
         points = self.codec.crop_from_image(labels["keypoints"].astype(float), windows)
-        kinds = np.eye(len(KINDS))[labels["kind"]]
-        return Detections(points, np.full(points.shape[:2], 0.5), np.full(points.shape[:2], 0.9), kinds)
+        classes = np.eye(len(CLASSES))[labels["kind"]]
+        return Detections(points, np.full(points.shape[:2], 0.5), np.full(points.shape[:2], 0.9), classes)
 
 
 @pytest.fixture(scope="module")

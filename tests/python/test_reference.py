@@ -190,8 +190,9 @@ def test_view_planes_and_horizon() -> None:
         line, expected = np.array(view.horizon()), ref.horizon(s.view)
         np.testing.assert_allclose(np.cross(line / np.linalg.norm(line), expected), 0.0, atol=1e-11)
         points = draw.normal([0.0, 0.0, 3.0], 3.0, (20, 3))
-        np.testing.assert_allclose(view.project(points), ref.project(s.view.camera, points), rtol=1e-13)
-        again = _core.View.from_gravity(bridge.core_camera(s.view), 9.81 * s.view.R_cg[:, 1])
+        camera = bridge.core_camera(s.view)
+        np.testing.assert_allclose(camera.project(points), ref.project(s.view.camera, points), rtol=1e-13)
+        again = _core.View.from_gravity(camera, 9.81 * s.view.R_cg[:, 1])
         np.testing.assert_allclose([again.pitch, again.roll], [s.view.pitch, s.view.roll], atol=1e-12)
 
 
@@ -320,11 +321,11 @@ def test_arrays_in_fortran_order_are_not_misread() -> None:
         assert "C-contiguous" in str(error)  # noqa: PT017
     else:
         np.testing.assert_array_equal(found[0], expected[0])
-    view = bridge.core_view(s.view)
+    camera = bridge.core_camera(s.view)
     in_camera = points @ s.R.T + s.t
     try:
-        projected = view.project(np.asfortranarray(in_camera))
+        projected = camera.project(np.asfortranarray(in_camera))
     except ValueError as error:
         assert "C-contiguous" in str(error)  # noqa: PT017
     else:
-        np.testing.assert_array_equal(projected, view.project(in_camera))
+        np.testing.assert_array_equal(projected, camera.project(in_camera))

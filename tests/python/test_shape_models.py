@@ -9,15 +9,15 @@ from groundpose.lab.bodies import make_models
 from groundpose.lab.bodies.catalogue import outline
 from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import shape_check, shape_fit
-from groundpose.vehicles import KINDS, flip_indices, keypoint_indices, keypoint_names, shape_model
+from groundpose.vehicles import CLASSES, flip_indices, keypoint_indices, keypoint_names, shape_model
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_models_that_ship(kind: str) -> None:
-    model = shape_model(kind)
-    assert model is shape_model(kind)
-    assert model.name == kind
-    assert model.keypoint_names == keypoint_names(kind)
+@pytest.mark.parametrize("class_name", CLASSES)
+def test_models_that_ship(class_name: str) -> None:
+    model = shape_model(class_name)
+    assert model is shape_model(class_name)
+    assert model.name == class_name
+    assert model.keypoint_names == keypoint_names(class_name)
     assert 5 <= model.modes <= 10
     assert np.all(np.diff(model.eigenvalues) < 0.0)
     flat = model.basis.reshape(model.modes, -1)
@@ -25,7 +25,7 @@ def test_models_that_ship(kind: str) -> None:
     # On the ground, symmetric, keypoints (mirrors apart) inside the box.
     np.testing.assert_allclose(model.bbox_3d.sum(axis=0)[[0, 2]], 0.0, atol=0.02)
     assert model.bbox_3d[1, 1] == 0.0
-    rows = keypoint_indices(kind)
+    rows = keypoint_indices(class_name)
     partner = np.searchsorted(rows, flip_indices()[rows])
     np.testing.assert_allclose(model.keypoints_3d[partner] * [-1, 1, 1], model.keypoints_3d, atol=5e-3)
     inside = np.array(["mirror" not in name for name in model.keypoint_names])
@@ -33,10 +33,10 @@ def test_models_that_ship(kind: str) -> None:
     assert np.all(model.keypoints_3d[inside] < model.bbox_3d[1] + 0.05)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_models_reach_bodies_they_have_not_seen(kind: str) -> None:
-    model = shape_model(kind)
-    shapes = np.stack([outline(kind, seed)[0] for seed in range(10_000, 10_020)])
+@pytest.mark.parametrize("class_name", CLASSES)
+def test_models_reach_bodies_they_have_not_seen(class_name: str) -> None:
+    model = shape_model(class_name)
+    shapes = np.stack([outline(class_name, seed)[0] for seed in range(10_000, 10_020)])
     basis = model.basis.reshape(model.modes, -1)
     off = (shapes - model.keypoints_3d).reshape(len(shapes), -1)
     rest = (off - off @ basis.T @ basis).reshape(shapes.shape)
@@ -45,10 +45,10 @@ def test_models_reach_bodies_they_have_not_seen(kind: str) -> None:
     assert 0.5 < np.sqrt(np.mean(spread**2)) < 1.5
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_boxes_of_bodies_not_seen(kind: str) -> None:
-    model = shape_model(kind)
-    bodies = [outline(kind, seed) for seed in range(10_000, 10_020)]
+@pytest.mark.parametrize("class_name", CLASSES)
+def test_boxes_of_bodies_not_seen(class_name: str) -> None:
+    model = shape_model(class_name)
+    bodies = [outline(class_name, seed) for seed in range(10_000, 10_020)]
     off = np.stack([(X - model.keypoints_3d).ravel() for X, _ in bodies])
     coefficients = off @ model.basis.reshape(model.modes, -1).T
     left = np.stack([box - model.bbox_3d_of(c) for (_, box), c in zip(bodies, coefficients, strict=True)])
@@ -56,17 +56,17 @@ def test_boxes_of_bodies_not_seen(kind: str) -> None:
 
 
 def test_unknown_class_is_named() -> None:
-    with pytest.raises(gp.InputError, match="kind: expected one of"):
+    with pytest.raises(gp.InputError, match="class_name: expected one of"):
         shape_model("tram")
 
 
 def test_the_same_files_every_time(tmp_path: Path) -> None:
     for name in ("a", "b"):
         make_models.make(tmp_path / name, count=12)
-    for kind in KINDS:
-        first, second = ((tmp_path / name / f"{kind}.npz").read_bytes() for name in ("a", "b"))
+    for class_name in CLASSES:
+        first, second = ((tmp_path / name / f"{class_name}.npz").read_bytes() for name in ("a", "b"))
         assert first == second
-        assert gp.ShapeModel.load(tmp_path / "a" / f"{kind}.npz").name == kind
+        assert gp.ShapeModel.load(tmp_path / "a" / f"{class_name}.npz").name == class_name
 
 
 def test_a_model_is_fitted_back_to_a_moved_shape() -> None:

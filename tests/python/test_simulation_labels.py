@@ -13,7 +13,7 @@ from groundpose.lab.drive.silhouette import NEAR, Region, outline
 from groundpose.lab.drive.solids import solid
 from groundpose.lab.drive.splits import body
 from groundpose.lab.drive.visibility import look
-from groundpose.vehicles import KINDS
+from groundpose.vehicles import CLASSES
 from PIL import Image, ImageDraw
 
 SEED = scene_seed(9, "validation")
@@ -33,7 +33,7 @@ def stage():
     return scene(SEED, 0)
 
 
-def parked(stage, kind, x, z, yaw_deg):
+def parked(stage, class_name, x, z, yaw_deg):
     """A vehicle at a place of the camera's frame, upright there."""
     ahead = stage.view.R_camera_from_ground
     a = math.radians(yaw_deg)
@@ -42,8 +42,8 @@ def parked(stage, kind, x, z, yaw_deg):
     world = stage.R_camera_from_world.T
     return dataclasses.replace(
         stage.vehicles[0],
-        kind=kind,
-        seed=BODY[kind],
+        class_name=class_name,
+        seed=BODY[class_name],
         R_world=world @ R,
         t_world=world @ (t - stage.t_camera_from_world),
     )
@@ -56,7 +56,7 @@ def with_vehicles(stage, *vehicles):
 def brute_force_box(frame, vehicle):
     """Extent of all vertices, by the definition of the pose and of the camera."""
     points = []
-    for v in body(vehicle.kind, vehicle.seed).vertices:
+    for v in body(vehicle.class_name, vehicle.seed).vertices:
         x, y, z = (
             frame.R_camera_from_world @ (vehicle.R_world @ v + vehicle.t_world) + frame.t_camera_from_world
         )
@@ -125,13 +125,13 @@ def ray_hits(vertices, faces, origin, directions):
     return hit
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_own_body_hides_what_rays_do_not_reach(stage, kind):
+@pytest.mark.parametrize("class_name", CLASSES)
+def test_own_body_hides_what_rays_do_not_reach(stage, class_name):
     agree = total = 0
     for x, z, yaw in ((-2.0, 9.0, 20.0), (3.0, 14.0, 160.0), (0.5, 25.0, 275.0)):
-        frame = with_vehicles(stage, parked(stage, kind, x, z, yaw))
+        frame = with_vehicles(stage, parked(stage, class_name, x, z, yaw))
         sight = look(frame, 0, frame.vehicles[0])
-        target, made = sight.target, body(kind, BODY[kind])
+        target, made = sight.target, body(class_name, BODY[class_name])
         points = made.keypoints_3d @ target.R.T + target.t
         pixels = points[:, :2] / points[:, 2:] * frame.camera.fx + [frame.camera.cx, frame.camera.cy]
         hidden = own_body_hides(target, pixels, points[:, 2])
@@ -155,10 +155,10 @@ def mesh_mask(region, sight):
     return np.asarray(canvas, dtype=bool)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_outline_covers_what_the_mesh_covers(stage, kind):
+@pytest.mark.parametrize("class_name", CLASSES)
+def test_outline_covers_what_the_mesh_covers(stage, class_name):
     for x, z, yaw in ((-2.0, 12.0, 30.0), (0.0, 20.0, 90.0)):
-        frame = with_vehicles(stage, parked(stage, kind, x, z, yaw))
+        frame = with_vehicles(stage, parked(stage, class_name, x, z, yaw))
         sight = look(frame, 0, frame.vehicles[0])
         region = Region.around(sight.box)
         mesh, ours = mesh_mask(region, sight), region.mask(sight.polygons)
@@ -219,7 +219,7 @@ def test_poses_are_found_again_from_the_visible_keypoints(frames):
     tested = 0
     for frame, found in frames:
         usable = [label for label in found if np.count_nonzero(label.keypoint_states == VISIBLE) >= 8]
-        models = [gp.ShapeModel(label.keypoints_3d, label.bbox_3d, name=label.kind) for label in usable]
+        models = [gp.ShapeModel(label.keypoints_3d, label.bbox_3d, name=label.class_name) for label in usable]
         points = [np.where((a.keypoint_states == VISIBLE)[:, None], a.keypoints_2d, np.nan) for a in usable]
         view = gp.View(frame.camera)
         poses = gp.estimate_poses(view, points, [a.bbox for a in usable], models, options=options)

@@ -12,7 +12,7 @@ from groundpose.lab.drive.footprints import Footprints, overlapping
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
 from groundpose.lab.drive.road_mesh import road_mesh
 from groundpose.lab.drive.splits import body, random_body
-from groundpose.vehicles import KINDS
+from groundpose.vehicles import CLASSES
 
 SEED = scene_seed(9, "validation")
 FRAMES = [0, 7, 19, 12, 13]
@@ -25,7 +25,7 @@ def scenes():
 
 def corners(vehicle):
     """(4, 2) of the footprint in the world, seen from above."""
-    (x0, _, z0), (x1, _, z1) = body(vehicle.kind, vehicle.seed).bbox_3d
+    (x0, _, z0), (x1, _, z1) = body(vehicle.class_name, vehicle.seed).bbox_3d
     local = np.array([(x0, 0, z0), (x1, 0, z0), (x1, 0, z1), (x0, 0, z1)])
     return (local @ vehicle.R_world.T + vehicle.t_world)[:, [0, 2]]
 
@@ -47,8 +47,8 @@ def test_a_frame_depends_on_its_arguments_only(scenes):
     np.testing.assert_array_equal(again.t_camera_from_world, before.t_camera_from_world)
     assert len(again.vehicles) == len(before.vehicles) > 0
     for a, b in zip(again.vehicles, before.vehicles, strict=True):
-        assert (a.kind, a.seed, a.look_seed, a.state, a.braking) == (
-            b.kind,
+        assert (a.class_name, a.seed, a.look_seed, a.state, a.braking) == (
+            b.class_name,
             b.seed,
             b.look_seed,
             b.state,
@@ -78,7 +78,7 @@ def test_wheels_stand_on_the_road(scenes):
     wheels = 0
     for frame in scenes:
         for v in frame.vehicles:
-            centres = body(v.kind, v.seed).wheels[:, :3] * [1.0, 0.0, 1.0]
+            centres = body(v.class_name, v.seed).wheels[:, :3] * [1.0, 0.0, 1.0]
             x, y, z = (centres @ v.R_world.T + v.t_world).T
             ground, _ = frame.road.surface(x, z)
             assert np.abs(y - ground).max() < 0.01
@@ -154,7 +154,7 @@ def test_splits_share_neither_seeds_nor_bodies():
     assert [split_of(seed) for seed in seeds] == list(SPLITS)
     assert split_of(scene_seed(2**32 - 1, "train")) == "train"
     rng = np.random.default_rng(0)
-    for kind in KINDS:
+    for kind in CLASSES:
         pools = [{random_body(rng, kind, split) for _ in range(500)} for split in SPLITS]
         assert not pools[0] & pools[1]
         assert not pools[0] & pools[2]

@@ -16,7 +16,7 @@ from groundpose.formats.kitti.labels import read_labels
 from groundpose.lab.drive import labels, scene, scene_seed, workers, write
 from groundpose.lab.drive.workers import Settings
 from groundpose.lab.drive.write import write_drive
-from groundpose.vehicles import KINDS, keypoint_names
+from groundpose.vehicles import CLASSES, keypoint_names
 from typer.testing import CliRunner
 
 SEED, FIRST, FRAMES = 9, 5, 5
@@ -57,7 +57,7 @@ def test_lines_are_the_labels(whole):
     for frame in found:
         truth = labels(scene(scene_seed(SEED, "validation"), frame["id"]))
         assert [o["id"] for o in frame["objects"]] == [label.index for label in truth]
-        assert set(frame["models"]) == {label.kind for label in truth}
+        assert set(frame["models"]) == {label.class_name for label in truth}
         for item, label in zip(frame["objects"], truth, strict=True):
             np.testing.assert_allclose(item["bbox"], label.bbox, atol=1e-3)
             np.testing.assert_allclose(item["truth"]["t"], label.t, atol=1e-6)
@@ -112,8 +112,8 @@ def test_coco_keypoints_are_valid(whole):
     coco = json.loads((whole / "keypoints_coco.json").read_text())
     frames = records(whole)
     assert [image["id"] for image in coco["images"]] == [frame["id"] for frame in frames]
-    kinds = {c["id"]: c for c in coco["categories"]}
-    assert [c["name"] for c in coco["categories"]] == list(KINDS)
+    classes = {c["id"]: c for c in coco["categories"]}
+    assert [c["name"] for c in coco["categories"]] == list(CLASSES)
     for c in coco["categories"]:
         assert tuple(c["keypoints"]) == keypoint_names(c["name"])
         joined = {n for pair in c["skeleton"] for n in pair}
@@ -122,9 +122,9 @@ def test_coco_keypoints_are_valid(whole):
     objects = [(f["id"], o) for f in frames for o in f["objects"]]
     for a, (image, item) in zip(coco["annotations"], objects, strict=True):
         assert a["image_id"] == image
-        assert kinds[a["category_id"]]["name"] == item["model"]
+        assert classes[a["category_id"]]["name"] == item["model"]
         points = np.array(a["keypoints"]).reshape(-1, 3)
-        assert len(points) == len(kinds[a["category_id"]]["keypoints"])
+        assert len(points) == len(classes[a["category_id"]]["keypoints"])
         assert set(points[:, 2]) <= {0, 1, 2}
         assert (points[points[:, 2] == 0] == 0).all()
         assert a["num_keypoints"] == np.count_nonzero(points[:, 2])
@@ -337,5 +337,5 @@ def test_settings_are_checked():
 
 def test_class_fractions_decide_the_traffic():
     shares = {"box_truck": 1.0}
-    kinds = {v.kind for v in scene(scene_seed(SEED, "validation"), 0, shares).vehicles}
-    assert kinds <= {"box_truck"}
+    classes = {v.class_name for v in scene(scene_seed(SEED, "validation"), 0, shares).vehicles}
+    assert classes <= {"box_truck"}

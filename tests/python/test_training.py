@@ -9,7 +9,8 @@ import pytest
 from groundpose.keypoints.codec import FILL, Codec, cut
 from groundpose.keypoints.network import Network
 from groundpose.lab.drive import HIDDEN, OUTSIDE, VISIBLE
-from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices, keypoint_indices
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import KEYPOINTS, flip_indices, keypoint_indices
 
 torch = pytest.importorskip("torch", reason="torch is not installed (extra [train])")
 pytest.importorskip("onnxscript", reason="onnxscript is not installed (extra [train])")
@@ -60,7 +61,7 @@ def test_shapes(name):
     assert raw.maps.shape == (2, K, config.height / network.stride, config.width / network.stride)
     assert decoded.keypoints.shape == (2, K, 2)
     assert decoded.spread.shape == decoded.peak.shape == (2, K)
-    assert decoded.kind_probabilities.shape == (2, len(KINDS))
+    assert decoded.class_probabilities.shape == (2, len(CLASSES))
 
 
 def test_softargmax():
@@ -130,11 +131,11 @@ def test_batches_show_what_inference_cuts(data):
     images, labels = stored.take(np.arange(16))
     batch = Batcher(codec, stored.codec)(images, labels, np.random.default_rng(0))
     for i in range(16):
-        image, _, kind, points, state = toy_frame(0, "train", i)
+        image, _, class_name, points, state = toy_frame(0, "train", i)
         window = codec.windows(labels["box"][i : i + 1].astype(float))
         wanted = cut(image, window[0], 128, 96)
         assert np.abs(batch.crops[i].permute(1, 2, 0).numpy() - wanted).mean() < 6.0
-        rows = keypoint_indices(kind)
+        rows = keypoint_indices(class_name)
         places = codec.crop_from_image(points[None], window)[0]
         np.testing.assert_allclose(batch.keypoints[i, rows], places, atol=0.02)
         assert batch.state[i, rows].tolist() == state.tolist()
@@ -203,7 +204,7 @@ def test_loss_is_least_at_the_truth_and_deaf_to_other_classes(data):
         place = torch.nan_to_num(batch.keypoints)[:, :, None, None] + shift
         return -0.5 * (((x - place[..., 0]) / 4) ** 2 + ((y - place[..., 1]) / 4) ** 2)
 
-    logits = 20.0 * torch.nn.functional.one_hot(batch.kind, 4).float()
+    logits = 20.0 * torch.nn.functional.one_hot(batch.class_index, 4).float()
     truth, off = (loss(networks.Raw(maps(shift), logits), batch) for shift in (0.0, 3.0))
     assert float(truth.total) < float(off.total)
     assert float(truth.distance) < 0.01 < 0.03 < float(off.distance)
@@ -340,7 +341,7 @@ def _check_files(folder, data):
     half, int8 = (answers(n.detect, stored, codec).detections for n in found.values())
     assert np.abs(half.keypoints - truth.keypoints).max() < 0.2  # weights rounded to float16
     assert np.abs(half.spread - truth.spread).max() < 0.2
-    assert np.abs(half.kind_probabilities - truth.kind_probabilities).max() < 2e-3
+    assert np.abs(half.class_probabilities - truth.class_probabilities).max() < 2e-3
     assert np.abs(int8.keypoints - truth.keypoints).mean() < 0.5
     sizes = [(folder / name).stat().st_size for name in found]
     parameters = sum(p.numel() for p in network.parameters())
@@ -376,7 +377,7 @@ def test_float32_export_is_the_network_to_the_bit_almost(tmp_path, mirrored):
     theirs = Network(tmp_path / "n.onnx", threads=1).detect(pictures)
     np.testing.assert_allclose(theirs.keypoints, ours.keypoints, atol=3e-4)
     np.testing.assert_allclose(theirs.spread, ours.spread, atol=3e-4)
-    np.testing.assert_allclose(theirs.kind_probabilities, ours.kind_probabilities, atol=1e-5)
+    np.testing.assert_allclose(theirs.class_probabilities, ours.class_probabilities, atol=1e-5)
 
 
 def test_with_mirror_images_a_mirrored_crop_has_the_mirrored_answer():
@@ -387,4 +388,4 @@ def test_with_mirror_images_a_mirrored_crop_has_the_mirrored_answer():
     expected = (there.keypoints * [-1.0, 1.0] + [127.0, 0.0])[:, flip_indices()]
     np.testing.assert_allclose(back.keypoints, expected, atol=1e-3)
     np.testing.assert_allclose(back.spread, there.spread[:, flip_indices()], atol=1e-3)
-    np.testing.assert_allclose(back.kind_probabilities, there.kind_probabilities, atol=1e-5)
+    np.testing.assert_allclose(back.class_probabilities, there.class_probabilities, atol=1e-5)

@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 from groundpose.lab.bodies import STYLES, Body, body, catalogue, keypoints_of
 from groundpose.lab.bodies.catalogue import outline
-from groundpose.vehicles import KINDS, flip_indices, keypoint_indices, keypoint_names
+from groundpose.vehicles import CLASSES, flip_indices, keypoint_indices, keypoint_names
 
-STYLED = [(kind, style) for kind in KINDS for style in STYLES[kind]]
+STYLED = [(class_name, style) for class_name in CLASSES for style in STYLES[class_name]]
 SEEDS = (0, 3)
-styled = pytest.mark.parametrize(("kind", "style"), STYLED)
+styled = pytest.mark.parametrize(("class_name", "style"), STYLED)
 
 
 @cache
-def made(kind: str, seed: int, style: str | None = None) -> Body:
-    return body(kind, seed, style)
+def made(class_name: str, seed: int, style: str | None = None) -> Body:
+    return body(class_name, seed, style)
 
 
 @styled
-def test_every_part_is_closed_and_outward(kind: str, style: str) -> None:
+def test_every_part_is_closed_and_outward(class_name: str, style: str) -> None:
     for seed in SEEDS:
-        b = made(kind, seed, style)
+        b = made(class_name, seed, style)
         _, welded = np.unique(b.vertices.round(6), axis=0, return_inverse=True)
         faces = welded.reshape(-1)[b.faces]
         edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
@@ -38,9 +38,9 @@ def test_every_part_is_closed_and_outward(kind: str, style: str) -> None:
 
 
 @styled
-def test_size_of_the_mesh(kind: str, style: str) -> None:
+def test_size_of_the_mesh(class_name: str, style: str) -> None:
     for seed in SEEDS:
-        b = made(kind, seed, style)
+        b = made(class_name, seed, style)
         assert 3_000 <= len(b.faces) <= 15_000
         assert np.all(np.isfinite(b.vertices))
         np.testing.assert_allclose(np.linalg.norm(b.normals, axis=1), 1.0, atol=1e-3)
@@ -50,9 +50,9 @@ def test_size_of_the_mesh(kind: str, style: str) -> None:
 
 
 @styled
-def test_box_stands_on_the_ground_and_holds_the_body(kind: str, style: str) -> None:
+def test_box_stands_on_the_ground_and_holds_the_body(class_name: str, style: str) -> None:
     for seed in SEEDS:
-        b = made(kind, seed, style)
+        b = made(class_name, seed, style)
         length, height, width = b.size
         np.testing.assert_allclose(b.bbox_3d.sum(axis=0), [0.0, -height, 0.0], atol=0.02)
         low, high = b.vertices.min(axis=0), b.vertices.max(axis=0)
@@ -76,12 +76,12 @@ def surface_distance(b: Body, points: np.ndarray) -> np.ndarray:
 
 
 @styled
-def test_keypoints_lie_on_the_surface(kind: str, style: str) -> None:
+def test_keypoints_lie_on_the_surface(class_name: str, style: str) -> None:
     for seed in SEEDS:
-        b = made(kind, seed, style)
-        assert b.keypoints_3d.shape == (len(keypoint_indices(kind)), 3)
+        b = made(class_name, seed, style)
+        assert b.keypoints_3d.shape == (len(keypoint_indices(class_name)), 3)
         distance = surface_distance(b, b.keypoints_3d)
-        assert distance.max() < 1e-3, dict(zip(keypoint_names(kind), distance.round(4), strict=True))
+        assert distance.max() < 1e-3, dict(zip(keypoint_names(class_name), distance.round(4), strict=True))
 
 
 def visible(b: Body, eye: np.ndarray) -> np.ndarray:
@@ -103,46 +103,46 @@ def visible(b: Body, eye: np.ndarray) -> np.ndarray:
     return np.array(seen)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_many_keypoints_are_seen_from_every_side(kind: str) -> None:
-    b = made(kind, 1)
+@pytest.mark.parametrize("class_name", CLASSES)
+def test_many_keypoints_are_seen_from_every_side(class_name: str) -> None:
+    b = made(class_name, 1)
     for angle in np.arange(0.0, 2 * np.pi, np.pi / 6):
         eye = np.array([30 * np.sin(angle), -1.5 - 0.04 * 30, 30 * np.cos(angle)])
         assert visible(b, eye).sum() >= 9, np.rad2deg(angle)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_left_and_right_are_mirror_images(kind: str) -> None:
-    mean = np.mean([outline(kind, seed)[0] for seed in range(20)], axis=0)
-    rows = keypoint_indices(kind)
+@pytest.mark.parametrize("class_name", CLASSES)
+def test_left_and_right_are_mirror_images(class_name: str) -> None:
+    mean = np.mean([outline(class_name, seed)[0] for seed in range(20)], axis=0)
+    rows = keypoint_indices(class_name)
     partner = np.searchsorted(rows, flip_indices()[rows])
     np.testing.assert_allclose(mean[partner] * [-1.0, 1.0, 1.0], mean, atol=2e-3)
-    left = [i for i, name in enumerate(keypoint_names(kind)) if name.startswith("left_")]
+    left = [i for i, name in enumerate(keypoint_names(class_name)) if name.startswith("left_")]
     assert np.all(mean[left, 0] < 0.0)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_same_seed_same_bytes(kind: str) -> None:
-    one, two = body(kind, 5), body(kind, 5)
+@pytest.mark.parametrize("class_name", CLASSES)
+def test_same_seed_same_bytes(class_name: str) -> None:
+    one, two = body(class_name, 5), body(class_name, 5)
     for name in ("vertices", "normals", "faces", "materials", "parts", "keypoints_3d", "bbox_3d", "wheels"):
         assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
-    other = body(kind, 6)
+    other = body(class_name, 6)
     assert not np.array_equal(one.keypoints_3d, other.keypoints_3d)
-    np.testing.assert_array_equal(keypoints_of(kind, 5), one.keypoints_3d)
-    np.testing.assert_array_equal(outline(kind, 5)[1], one.bbox_3d)
+    np.testing.assert_array_equal(keypoints_of(class_name, 5), one.keypoints_3d)
+    np.testing.assert_array_equal(outline(class_name, 5)[1], one.bbox_3d)
     with pytest.raises(ValueError, match="read-only"):
         one.vertices[0] = 0.0
 
 
 def test_styles_differ_and_are_all_drawn() -> None:
-    for kind in KINDS:
-        drawn = {catalogue.style_of(kind, seed) for seed in range(200)}
-        assert drawn == set(STYLES[kind])
+    for class_name in CLASSES:
+        drawn = {catalogue.style_of(class_name, seed) for seed in range(200)}
+        assert drawn == set(STYLES[class_name])
     assert made("van_bus", 0, "city_bus").size[0] > made("van_bus", 0, "van").size[0] + 3.0
 
 
 def test_mistakes_are_named() -> None:
-    with pytest.raises(gp.InputError, match="kind: expected one of"):
+    with pytest.raises(gp.InputError, match="class_name: expected one of"):
         body("tram", 0)
     with pytest.raises(gp.InputError, match=r"style: expected one of sedan.* got 'coach'"):
         body("car", 0, "coach")

@@ -7,22 +7,22 @@ import groundpose as gp
 import numpy as np
 import pytest
 from groundpose.lab.bodies import drawing
-from groundpose.vehicles import KEYPOINTS, KINDS, flip_indices, keypoint_indices, keypoint_names
+from groundpose.vehicles import CLASSES, KEYPOINTS, flip_indices, keypoint_indices, keypoint_names
 
 PAGE = Path(__file__).parents[2] / "docs" / "vehicles.md"
 
 
 def test_counts_are_the_papers() -> None:
-    counts = {kind: len(keypoint_indices(kind)) for kind in KINDS}
+    counts = {class_name: len(keypoint_indices(class_name)) for class_name in CLASSES}
     assert counts == {"car": 28, "van_bus": 26, "pickup": 26, "box_truck": 30}
     assert len(KEYPOINTS) == 53
     assert len({keypoint.name for keypoint in KEYPOINTS}) == len(KEYPOINTS)
 
 
 def test_every_keypoint_belongs_to_a_class_and_shared_ones_are_shared() -> None:
-    used = np.concatenate([keypoint_indices(kind) for kind in KINDS])
+    used = np.concatenate([keypoint_indices(class_name) for class_name in CLASSES])
     assert set(used.tolist()) == set(range(len(KEYPOINTS)))
-    shared = set.intersection(*(set(keypoint_names(kind)) for kind in KINDS))
+    shared = set.intersection(*(set(keypoint_names(class_name)) for class_name in CLASSES))
     assert {"left_front_wheel", "right_headlamp", "front_plate"} <= shared
 
 
@@ -34,7 +34,7 @@ def test_partners_are_mutual_and_of_the_same_classes() -> None:
             continue
         partner = by_name[keypoint.partner]
         assert partner.partner == keypoint.name
-        assert (partner.where, partner.kinds) == (keypoint.where, keypoint.kinds)
+        assert (partner.where, partner.classes) == (keypoint.where, keypoint.classes)
         assert keypoint.name.split("_")[0] != partner.name.split("_")[0]
 
 
@@ -45,7 +45,7 @@ def test_flipping_twice_changes_nothing() -> None:
 
 
 def test_unknown_class_is_named() -> None:
-    with pytest.raises(gp.InputError, match=r"kind: expected one of car, .* got 'tram'"):
+    with pytest.raises(gp.InputError, match=r"class_name: expected one of car, .* got 'tram'"):
         keypoint_names("tram")
 
 

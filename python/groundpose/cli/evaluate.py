@@ -84,7 +84,7 @@ def kitti(
             help="Known of simulated ones: the class, with its labelled size, or the rigid mean of that size."
         ),
     ] = Models.CLASS,
-    kind: Annotated[
+    class_name: Annotated[
         list[str] | None,
         typer.Option("--class", help="Car, Van or Truck; repeat for more. None: all three."),
     ] = None,
@@ -136,7 +136,7 @@ def kitti(
         task = Task(
             methods=_methods(method or ["default"]),
             boxes=boxes.value,
-            **({"classes": tuple(kind)} if kind else {}),
+            **({"classes": tuple(class_name)} if class_name else {}),
             keypoints=keypoints.value,
             pitch_deg=pitch_deg,
             frame_tilt_sigma_deg=frame_tilt_sigma_deg,

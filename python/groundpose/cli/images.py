@@ -139,15 +139,15 @@ def _frame(label: str | int, path: Path, boxes: list[Box], poses: VehiclePoses) 
     objects = tuple(
         FrameObject(
             box.id,
-            kind,
+            class_name,
             pose.keypoints_2d,
             scores[: len(pose.keypoints_2d)].tolist(),
             list(box.bbox),
             box.truth,
             None if math.isnan(box.score) else box.score,
         )
-        for box, kind, pose, scores in zip(
-            boxes, poses.kinds.tolist(), poses, poses.keypoint_scores, strict=True
+        for box, class_name, pose, scores in zip(
+            boxes, poses.classes.tolist(), poses, poses.keypoint_scores, strict=True
         )
     )
     return Frame(label, str(path), poses.view, path, objects, poses.models)
@@ -164,7 +164,7 @@ def vehicle_record(frame: Frame, poses: VehiclePoses) -> str:
             "keypoints_2d": o.keypoints_2d,
             "keypoint_scores": o.keypoint_scores,
         }
-        for o, probability in zip(frame.objects, poses.kind_probability, strict=True)
+        for o, probability in zip(frame.objects, poses.class_probability, strict=True)
     ]
     return pose_record(frame, poses, {"image": str(frame.image), **tilt_members(poses.view)}, each)
 

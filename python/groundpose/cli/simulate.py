@@ -80,9 +80,9 @@ def read_fractions(text: str) -> dict[str, float]:
     """`car=0.6,van_bus=0.4` as numbers by class. Raises InputError."""
     fractions = {}
     for part in text.split(","):
-        kind, _, fraction = part.partition("=")
+        class_name, _, fraction = part.partition("=")
         try:
-            fractions[kind.strip()] = float(fraction)
+            fractions[class_name.strip()] = float(fraction)
         except ValueError:
             raise InputError(f"--class-fractions: expected CLASS=FRACTION,..., got {part!r}") from None
     return fractions

@@ -92,8 +92,8 @@ def _caption(demo: Demo) -> str:
 
 def _row(demo: Demo, index: int) -> list[str]:
     true, pose = demo.street, demo.poses[index]
-    kind = str(demo.poses.kinds[index]) or "-"
-    named = kind if kind == true.kinds[index] else f"{kind} ({true.kinds[index]})"
+    class_name = str(demo.poses.classes[index]) or "-"
+    named = class_name if class_name == true.classes[index] else f"{class_name} ({true.classes[index]})"
     forward = true.true_view.R_camera_from_ground.T @ true.R[index, :, 2]
     truth = (
         np.linalg.norm(true.t[index]),

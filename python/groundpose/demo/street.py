@@ -30,7 +30,7 @@ class Street:
         path: of the picture. image: it, (H, W, 3) uint8.
         bboxes: (N, 4) left, top, right, bottom pixels.
         view: the camera, nominally level. true_view: with its real tilt and height.
-        kinds: N classes. R, t: true poses (N, 3, 3) and (N, 3) metres.
+        classes: N classes. R, t: true poses (N, 3, 3) and (N, 3) metres.
         bbox_3d: (N, 2, 3) metres, the bodies' true 3D boxes.
     """
 
@@ -39,7 +39,7 @@ class Street:
     bboxes: FloatArray
     view: View
     true_view: View
-    kinds: tuple[str, ...]
+    classes: tuple[str, ...]
     R: FloatArray
     t: FloatArray
     bbox_3d: FloatArray
@@ -58,7 +58,7 @@ def example() -> Street:
         bboxes=np.array([box.bbox for box in found.boxes]),
         view=found.view,
         true_view=View(found.view.camera, pitch, roll, tilt["camera_height"]),
-        kinds=tuple(box.name for box in found.boxes),
+        classes=tuple(box.name for box in found.boxes),
         R=np.stack([R for R, _ in poses]),
         t=np.stack([t for _, t in poses]),
         bbox_3d=np.array([o["_bbox_3d"] for o in notes["objects"]]),

@@ -82,8 +82,8 @@ def _points(axes: Axes, pixels: float) -> float:
 
 
 def _said(poses: PoseBatch, index: int, pose: Pose) -> str:
-    kinds = getattr(poses, "kinds", None)
-    words = [str(index), *([] if kinds is None else [str(kinds[index]).replace("_", " ")])]
+    classes = getattr(poses, "classes", None)
+    words = [str(index), *([] if classes is None else [str(classes[index]).replace("_", " ")])]
     return " ".join([*words, f"{np.linalg.norm(pose.t):.0f} m" if pose.ok else pose.status])
 
 

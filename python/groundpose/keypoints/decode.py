@@ -19,13 +19,13 @@ class Detections:
         keypoints: (N, K, 2) crop pixels; those of other classes are meaningless.
         spread: (N, K) crop pixels, standard deviation of the heat map read as a distribution.
         peak: (N, K) its largest cell, 0 to 1.
-        kind_probabilities: (N, C), sum 1.
+        class_probabilities: (N, C), sum 1.
     """
 
     keypoints: FloatArray
     spread: FloatArray
     peak: FloatArray
-    kind_probabilities: FloatArray
+    class_probabilities: FloatArray
 
 
 @dataclass(frozen=True)

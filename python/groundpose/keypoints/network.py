@@ -12,7 +12,8 @@ import numpy as np
 from groundpose._checks import input_error, integer, type_error
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.decode import Calibration, Detections
-from groundpose.vehicles.keypoints import KEYPOINTS, KINDS
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import KEYPOINTS
 
 FORMAT = "groundpose_keypoints"
 """Metadata key of our files; its value is `FORMAT_VERSION`."""
@@ -65,7 +66,7 @@ class Network:
             raise input_error(
                 str(self.path), f"a keypoint network of version {FORMAT_VERSION}", "another ONNX file"
             )
-        for name, wanted in (("keypoints", [k.name for k in KEYPOINTS]), ("kinds", list(KINDS))):
+        for name, wanted in (("keypoints", [k.name for k in KEYPOINTS]), ("kinds", list(CLASSES))):
             if json.loads(self.metadata[name]) != wanted:
                 raise input_error(str(self.path), f"the {name} of this version", "others")
         size = (int(self.metadata["width"]), int(self.metadata["height"]))
@@ -84,7 +85,7 @@ class Network:
                 "crops", f"uint8 of shape (N, {wanted[0]}, {wanted[1]}, 3)", f"{crops.dtype} {crops.shape}"
             )
         if len(crops) == 0:
-            shapes = ((0, len(KEYPOINTS), 2), (0, len(KEYPOINTS)), (0, len(KEYPOINTS)), (0, len(KINDS)))
+            shapes = ((0, len(KEYPOINTS), 2), (0, len(KEYPOINTS)), (0, len(KEYPOINTS)), (0, len(CLASSES)))
             return Detections(*(np.zeros(shape) for shape in shapes))
         outputs = self._session.run(list(OUTPUTS), {"crops": crops})
         return Detections(*(np.asarray(output, dtype=np.float64) for output in outputs))

@@ -21,10 +21,11 @@ from groundpose.options import Options
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import View
-from groundpose.vehicles.keypoints import KINDS, keypoint_indices
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import keypoint_indices
 from groundpose.vehicles.shape_models import shape_model
 
-_ROWS = {kind: keypoint_indices(kind) for kind in KINDS}
+_ROWS = {class_name: keypoint_indices(class_name) for class_name in CLASSES}
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -32,27 +33,42 @@ class VehiclePoses(PoseBatch):
     """A `PoseBatch` of detected vehicles, and what the network said of them.
 
     Attributes:
-        kinds: (N,) str, the likeliest class; its model is `models[i]`. "" for an unusable box.
-        kind_probabilities: (N, 4) in the order of `groundpose.vehicles.KINDS`; NaN for an unusable box.
+        classes: (N,) str, the likeliest class; its model is `models[i]`. "" for an unusable box.
+        class_probabilities: (N, C) in the order of `groundpose.vehicles.CLASSES`; NaN for an unusable box.
         keypoint_scores: (N, P) probability of each keypoint to be right, NaN beyond an object's own.
         seconds: what the steps took: "crop", "network", "decode", "solve".
     """
 
-    kinds: NDArray[np.str_]
-    kind_probabilities: FloatArray
+    classes: NDArray[np.str_]
+    class_probabilities: FloatArray
     keypoint_scores: FloatArray
     seconds: Mapping[str, float]
 
     def __repr__(self) -> str:
         """How many of what have an answer."""
-        named, counts = np.unique(self.kinds[self.ok], return_counts=True)
-        what = ", ".join(f"{count} {kind}" for kind, count in zip(named, counts, strict=True))
+        named, counts = np.unique(self.classes[self.ok], return_counts=True)
+        what = ", ".join(f"{count} {class_name}" for class_name, count in zip(named, counts, strict=True))
         return f"VehiclePoses({int(self.ok.sum())} of {len(self)} ok{': ' * bool(what)}{what})"
 
     @property
-    def kind_probability(self) -> FloatArray:
+    def class_probability(self) -> FloatArray:
         """(N,) probability of the class chosen."""
-        return np.asarray(self.kind_probabilities.max(axis=1))
+        return np.asarray(self.class_probabilities.max(axis=1))
+
+    @property
+    def kinds(self) -> NDArray[np.str_]:
+        """The former name of `classes`."""
+        return self.classes
+
+    @property
+    def kind_probabilities(self) -> FloatArray:
+        """The former name of `class_probabilities`."""
+        return self.class_probabilities
+
+    @property
+    def kind_probability(self) -> FloatArray:
+        """The former name of `class_probability`."""
+        return self.class_probability
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +80,8 @@ class Found:
 
     keypoints: list[FloatArray]
     scores: list[FloatArray]
-    kinds: list[str]
-    kind_probabilities: FloatArray
+    classes: list[str]
+    class_probabilities: FloatArray
     seconds: dict[str, float]
 
 
@@ -107,13 +123,13 @@ class Pipeline:
         if integer("batch_size", batch_size) < 1:
             raise input_error("batch_size", "1 or more", batch_size)
         self.batch_size = batch_size
-        self.models = {kind: shape_model(kind) for kind in KINDS} | dict(models or {})
-        for kind, model in self.models.items():
-            if kind not in KINDS:
-                raise input_error("models", f"classes of {', '.join(KINDS)}", repr(kind))
-            if len(model.keypoints_3d) != len(_ROWS[kind]):
+        self.models = {class_name: shape_model(class_name) for class_name in CLASSES} | dict(models or {})
+        for class_name, model in self.models.items():
+            if class_name not in CLASSES:
+                raise input_error("models", f"classes of {', '.join(CLASSES)}", repr(class_name))
+            if len(model.keypoints_3d) != len(_ROWS[class_name]):
                 raise input_error(
-                    f"models[{kind!r}]", f"{len(_ROWS[kind])} keypoints", len(model.keypoints_3d)
+                    f"models[{class_name!r}]", f"{len(_ROWS[class_name])} keypoints", len(model.keypoints_3d)
                 )
 
     def __call__(
@@ -143,7 +159,7 @@ class Pipeline:
         view = replace(view, camera=replace(view.camera, image_size=size))
         boxes = _boxes(bboxes)
         found = self.detect(pixels, boxes)
-        models = [self.models[kind or KINDS[0]] for kind in found.kinds]
+        models = [self.models[class_name or CLASSES[0]] for class_name in found.classes]
         watch = _Stopwatch(found.seconds)
         poses = estimate_poses(
             *(view, found.keypoints, boxes, models, found.scores, self.options, self.threads),
@@ -153,11 +169,11 @@ class Pipeline:
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)
         for row, own in zip(scores, found.scores, strict=True):
             row[: len(own)] = own
-        kinds = np.array(found.kinds, dtype=np.str_)
+        classes = np.array(found.classes, dtype=np.str_)
         return VehiclePoses(
             **vars(poses),
-            kinds=kinds,
-            kind_probabilities=found.kind_probabilities,
+            classes=classes,
+            class_probabilities=found.class_probabilities,
             keypoint_scores=scores,
             seconds=found.seconds,
         )
@@ -177,17 +193,17 @@ class Pipeline:
         pixel = (windows[:, 2] - windows[:, 0]) / codec.width
         sides = (bboxes[good, 2:] - bboxes[good, :2]).max(axis=1, initial=0.0) / pixel
         scores = self.network.calibration.scores(detections, sides)
-        nothing = len(_ROWS[KINDS[0]])
+        nothing = len(_ROWS[CLASSES[0]])
         keypoints = [np.full((nothing, 2), np.nan) for _ in range(count)]
         each = [np.zeros(nothing) for _ in range(count)]
-        kinds, probabilities = [""] * count, np.full((count, len(KINDS)), np.nan)
-        probabilities[good] = detections.kind_probabilities
+        classes, probabilities = [""] * count, np.full((count, len(CLASSES)), np.nan)
+        probabilities[good] = detections.class_probabilities
         for i, row in enumerate(good.tolist()):
-            kinds[row] = KINDS[int(detections.kind_probabilities[i].argmax())]
-            own = _ROWS[kinds[row]]
+            classes[row] = CLASSES[int(detections.class_probabilities[i].argmax())]
+            own = _ROWS[classes[row]]
             keypoints[row], each[row] = points[i, own], scores[i, own]
         watch.lap("decode")
-        return Found(keypoints, each, kinds, probabilities, seconds)
+        return Found(keypoints, each, classes, probabilities, seconds)
 
     def _run(self, crops: ByteArray) -> Detections:
         """In batches of similar size."""

@@ -17,7 +17,7 @@ from groundpose._checks import input_error
 from groundpose.vehicles.classes import CLASSES
 
 KINDS = CLASSES
-"""The former name of `CLASSES`."""
+"""The former name of `groundpose.vehicles.CLASSES`."""
 
 _ALL = CLASSES
 _PAIRS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
@@ -62,40 +62,47 @@ class Keypoint:
         name: unique; those off the middle plane start with "left_" or "right_".
         where: what it is on the vehicle.
         partner: name of its mirror image; None on the middle plane.
-        kinds: the classes that have it.
+        classes: the classes that have it.
     """
 
     name: str
     where: str
     partner: str | None
-    kinds: tuple[str, ...]
+    classes: tuple[str, ...]
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The former name of `classes`."""
+        return self.classes
 
 
-def _pair(name: str, where: str, kinds: tuple[str, ...]) -> tuple[Keypoint, Keypoint]:
+def _pair(name: str, where: str, classes: tuple[str, ...]) -> tuple[Keypoint, Keypoint]:
     left, right = f"left_{name}", f"right_{name}"
-    return Keypoint(left, where, right, kinds), Keypoint(right, where, left, kinds)
+    return Keypoint(left, where, right, classes), Keypoint(right, where, left, classes)
 
 
 KEYPOINTS: tuple[Keypoint, ...] = tuple(side for row in _PAIRS for side in _pair(*row)) + tuple(
-    Keypoint(name, where, None, kinds) for name, where, kinds in _MIDDLE
+    Keypoint(name, where, None, classes) for name, where, classes in _MIDDLE
 )
 """All, K of them; the order is that of the network's channels and never changes."""
 
 
-def keypoint_indices(kind: str) -> NDArray[np.intp]:
-    """Rows (P,) of `KEYPOINTS` that class `kind` has, in order.
+def keypoint_indices(class_name: str) -> NDArray[np.intp]:
+    """Rows (P,) of `KEYPOINTS` that the class `class_name` has, in order.
 
     Raises:
         InputError: an unknown class.
     """
-    if kind not in KINDS:
-        raise input_error("kind", f"one of {', '.join(KINDS)}", repr(kind))
-    return np.array([i for i, keypoint in enumerate(KEYPOINTS) if kind in keypoint.kinds], dtype=np.intp)
+    if class_name not in CLASSES:
+        raise input_error("class_name", f"one of {', '.join(CLASSES)}", repr(class_name))
+    return np.array(
+        [i for i, keypoint in enumerate(KEYPOINTS) if class_name in keypoint.classes], dtype=np.intp
+    )
 
 
-def keypoint_names(kind: str) -> tuple[str, ...]:
-    """Names of the P keypoints of class `kind`, in order. Raises InputError for an unknown class."""
-    return tuple(KEYPOINTS[i].name for i in keypoint_indices(kind))
+def keypoint_names(class_name: str) -> tuple[str, ...]:
+    """Names of the P keypoints of class `class_name`, in order. Raises InputError for an unknown class."""
+    return tuple(KEYPOINTS[i].name for i in keypoint_indices(class_name))
 
 
 def flip_indices() -> NDArray[np.intp]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from groundpose.vehicles.keypoints import KINDS, keypoint_names
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import keypoint_names
 
 # Lines of one side of a vehicle, drawn where a class has both ends; each is drawn left and right.
 _SIDE = (
@@ -51,9 +52,9 @@ _MIDDLE = (("front_plate", "headlamp"), ("rear_plate", "taillamp"), ("tailgate",
 
 
 @cache
-def skeleton(kind: str) -> tuple[tuple[int, int], ...]:
+def skeleton(class_name: str) -> tuple[tuple[int, int], ...]:
     """Pairs of keypoint numbers of a class, from 0, joined by a line."""
-    names = keypoint_names(kind)
+    names = keypoint_names(class_name)
     lines = [(f"{side}_{a}", f"{side}_{b}") for a, b in _SIDE for side in ("left", "right")]
     lines += [(f"left_{a}", f"right_{a}") for a in _ACROSS]
     lines += [(a, f"{side}_{b}") for a, b in _MIDDLE for side in ("left", "right")]
@@ -62,6 +63,6 @@ def skeleton(kind: str) -> tuple[tuple[int, int], ...]:
 
 def skeleton_of(name: str, names: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
     """The same for a model called `name` with keypoints `names`; none where it is not one of our classes."""
-    if name not in KINDS or keypoint_names(name) != names:
+    if name not in CLASSES or keypoint_names(name) != names:
         return ()
     return skeleton(name)

@@ -28,7 +28,7 @@ TYPES = (
 DONT_CARE = "DontCare"
 TYPE_OF = {row.name: row.kitti_type for row in TABLE}
 """KITTI's type of each of our classes."""
-KIND_OF = {type_: next(c.name for c in TABLE if c.kitti_type == type_) for type_ in TYPE_OF.values()}
+CLASS_OF = {type_: next(c.name for c in TABLE if c.kitti_type == type_) for type_ in TYPE_OF.values()}
 """Our class of each of KITTI's types that is one of ours."""
 _NUMBERS = 14
 _TRACKING_COLUMNS = 2

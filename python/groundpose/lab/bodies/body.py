@@ -42,20 +42,20 @@ class Body:
     The origin lies on the ground under the middle of the body. Arrays are read-only.
 
     Args:
-        kind: class, one of `KINDS`.
-        style: of the class, one of `STYLES[kind]`.
+        class_name: one of `CLASSES`.
+        style: of the class, one of `STYLES[class_name]`.
         seed: with class and style, the whole input of the generator.
         vertices: (V, 3).
         normals: (V, 3) unit shading normals; vertices are doubled at creases.
         faces: (F, 3) rows of `vertices`, counter-clockwise seen from outside.
         materials: (F,) rows of `MATERIALS`.
         parts: (F,) component of each face; each is closed once equal positions are merged.
-        keypoints_3d: (P, 3) on the surface, in the order of `keypoint_names(kind)`.
+        keypoints_3d: (P, 3) on the surface, in the order of `keypoint_names(class_name)`.
         bbox_3d: (2, 3) `[min, max]` corner without mirrors and antennas.
         wheels: (W, 4) centre x, y, z and radius.
     """
 
-    kind: str
+    class_name: str
     style: str
     seed: int
     vertices: FloatArray
@@ -72,6 +72,11 @@ class Body:
         for value in vars(self).values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
+
+    @property
+    def kind(self) -> str:
+        """The former name of `class_name`."""
+        return self.class_name
 
     @property
     def size(self) -> tuple[float, float, float]:

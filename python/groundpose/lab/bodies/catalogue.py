@@ -12,7 +12,7 @@ from groundpose.lab.bodies.box_truck import body as box_truck
 from groundpose.lab.bodies.car import body as car
 from groundpose.lab.bodies.pickup import body as pickup
 from groundpose.lab.bodies.van_bus import body as van_bus
-from groundpose.vehicles.keypoints import KINDS
+from groundpose.vehicles.classes import CLASSES
 
 # Frequency of each style on the road; the shape models are made of the same mixture.
 _FREQUENCIES: dict[str, dict[str, float]] = {
@@ -21,46 +21,48 @@ _FREQUENCIES: dict[str, dict[str, float]] = {
     "pickup": {"single_cab": 0.35, "double_cab": 0.65},
     "box_truck": {"cab_gap": 0.65, "no_gap": 0.35},
 }
-STYLES: dict[str, tuple[str, ...]] = {kind: tuple(fractions) for kind, fractions in _FREQUENCIES.items()}
+STYLES: dict[str, tuple[str, ...]] = {
+    class_name: tuple(fractions) for class_name, fractions in _FREQUENCIES.items()
+}
 """Styles of each class."""
 _BUILDERS: dict[str, ModuleType] = {"car": car, "van_bus": van_bus, "pickup": pickup, "box_truck": box_truck}
 
 
-def body(kind: str, seed: int, style: str | None = None) -> Body:
-    """The vehicle of class `kind` with number `seed`; the same arguments give the same bytes.
+def body(class_name: str, seed: int, style: str | None = None) -> Body:
+    """The vehicle of class `class_name` with number `seed`; the same arguments give the same bytes.
 
     Args:
-        kind: class, one of `KINDS`.
+        class_name: class, one of `CLASSES`.
         seed: 0 or larger.
-        style: one of `STYLES[kind]`; None: drawn from the seed with the frequencies on the road.
+        style: one of `STYLES[class_name]`; None: drawn from the seed with the frequencies on the road.
 
     Raises:
         InputError: an unknown class or style, a negative seed.
     """
-    drawn = style_of(kind, seed)  # checks class and seed
-    if style is not None and style not in STYLES[kind]:
-        raise input_error("style", f"one of {', '.join(STYLES[kind])}", repr(style))
-    made: Body = _BUILDERS[kind].build(style or drawn, seed)
+    drawn = style_of(class_name, seed)  # checks class and seed
+    if style is not None and style not in STYLES[class_name]:
+        raise input_error("style", f"one of {', '.join(STYLES[class_name])}", repr(style))
+    made: Body = _BUILDERS[class_name].build(style or drawn, seed)
     return made
 
 
-def keypoints_of(kind: str, seed: int) -> FloatArray:
-    """`body(kind, seed).keypoints_3d` (P, 3), computed without the mesh."""
-    return outline(kind, seed)[0]
+def keypoints_of(class_name: str, seed: int) -> FloatArray:
+    """`body(class_name, seed).keypoints_3d` (P, 3), computed without the mesh."""
+    return outline(class_name, seed)[0]
 
 
-def outline(kind: str, seed: int) -> tuple[FloatArray, FloatArray]:
-    """`keypoints_3d` (P, 3) and `bbox_3d` (2, 3) of `body(kind, seed)`, computed without the mesh."""
-    made: tuple[FloatArray, FloatArray] = _BUILDERS[kind].keypoints(style_of(kind, seed), seed)
+def outline(class_name: str, seed: int) -> tuple[FloatArray, FloatArray]:
+    """`keypoints_3d` (P, 3) and `bbox_3d` (2, 3) of `body(class_name, seed)`, computed without the mesh."""
+    made: tuple[FloatArray, FloatArray] = _BUILDERS[class_name].keypoints(style_of(class_name, seed), seed)
     return made
 
 
-def style_of(kind: str, seed: int) -> str:
-    """The style of `body(kind, seed)`; its own random stream keeps bodies when the frequencies change."""
-    if kind not in KINDS:
-        raise input_error("kind", f"one of {', '.join(KINDS)}", repr(kind))
+def style_of(class_name: str, seed: int) -> str:
+    """The style of `body(class_name, seed)`, from its own stream: bodies stay when frequencies change."""
+    if class_name not in CLASSES:
+        raise input_error("class_name", f"one of {', '.join(CLASSES)}", repr(class_name))
     rng = np.random.Generator(
-        np.random.PCG64(np.random.SeedSequence((count("seed", seed), KINDS.index(kind))))
+        np.random.PCG64(np.random.SeedSequence((count("seed", seed), CLASSES.index(class_name))))
     )
-    fractions = _FREQUENCIES[kind]
-    return STYLES[kind][int(rng.choice(len(fractions), p=list(fractions.values())))]
+    fractions = _FREQUENCIES[class_name]
+    return STYLES[class_name][int(rng.choice(len(fractions), p=list(fractions.values())))]

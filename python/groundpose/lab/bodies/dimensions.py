@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundpose.vehicles.keypoints import KINDS
+from groundpose.vehicles.classes import CLASSES
 
 
 class Spread(NamedTuple):
@@ -176,16 +176,16 @@ _TABLE: dict[tuple[str, str], _Row] = {
 }
 
 
-def random_stream(kind: str, style: str, seed: int) -> np.random.Generator:
+def random_stream(class_name: str, style: str, seed: int) -> np.random.Generator:
     """Random generator of one body; it depends on class, style and seed only."""
-    styles = [row for row in _TABLE if row[0] == kind]
-    words = (seed, KINDS.index(kind), 1 + styles.index((kind, style)))
+    styles = [row for row in _TABLE if row[0] == class_name]
+    words = (seed, CLASSES.index(class_name), 1 + styles.index((class_name, style)))
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words)))
 
 
-def draw_dimensions(kind: str, style: str, rng: np.random.Generator) -> Dimensions:
+def draw_dimensions(class_name: str, style: str, rng: np.random.Generator) -> Dimensions:
     """Outer measures of a vehicle of this style, from seven draws of `rng` or a few more."""
-    row = _TABLE[kind, style]
+    row = _TABLE[class_name, style]
     length = row.length.draw(rng)
     longer = length - row.length.mean
     height, width, fraction, overhang, radius, clearance = (spread.draw(rng, longer) for spread in row[1:])

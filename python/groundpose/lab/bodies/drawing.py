@@ -11,7 +11,8 @@ from groundpose._checks import FloatArray
 from groundpose.lab.bodies.body import MATERIALS, Body
 from groundpose.lab.bodies.catalogue import body
 from groundpose.lab.bodies.geometry.mesh import rotation
-from groundpose.vehicles.keypoints import KINDS, keypoint_indices
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import keypoint_indices
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,15 +43,15 @@ _VISIBLE, _HIDDEN, _ACCENT = "#1a1a1a", "#8a8f98", "#d1495b"
 _DEPTH_TOLERANCE = 0.04
 
 
-def draw_keypoints(kind: str, pixels_per_metre: float = 110.0) -> Figure:
-    """Draw the keypoints of class `kind` with their numbers on a body seen from two sides.
+def draw_keypoints(class_name: str, pixels_per_metre: float = 110.0) -> Figure:
+    """Draw the keypoints of class `class_name` with their numbers on a body seen from two sides.
 
     Dark numbers are visible in that view, grey ones hidden.
     """
     from matplotlib.figure import Figure
 
-    style, seed = EXAMPLES[kind]
-    vehicle = body(kind, seed, style)
+    style, seed = EXAMPLES[class_name]
+    vehicle = body(class_name, seed, style)
     figure = Figure(figsize=(12.0, 4.6), layout="constrained")
     for axes, (turn, elevation) in zip(figure.subplots(1, 2), _VIEWS, strict=True):
         R = rotation("x", np.deg2rad(elevation)) @ rotation("y", np.deg2rad(turn))
@@ -74,7 +75,7 @@ def _draw_view(axes: Axes, vehicle: Body, R: FloatArray, scale: float) -> None:
     visible = points[:, 2] < near + _DEPTH_TOLERANCE
     at = pixels / _SAMPLES - 0.5
     middle = at.mean(axis=0)
-    for number, (x, y), seen in zip(keypoint_indices(vehicle.kind), at, visible, strict=True):
+    for number, (x, y), seen in zip(keypoint_indices(vehicle.class_name), at, visible, strict=True):
         colour = _VISIBLE if seen else _HIDDEN
         away = np.array([x, y]) - middle
         offset = 9.0 * away / max(float(np.hypot(*away)), 1.0)
@@ -136,9 +137,9 @@ def _fill(shade: FloatArray, depth: FloatArray, corners: FloatArray, z: FloatArr
 def main(folder: Path = FOLDER) -> None:
     """Write `keypoints_KIND.png`."""
     folder.mkdir(parents=True, exist_ok=True)
-    for kind in KINDS:
-        path = folder / f"keypoints_{kind}.png"
-        draw_keypoints(kind).savefig(path, dpi=110)
+    for class_name in CLASSES:
+        path = folder / f"keypoints_{class_name}.png"
+        draw_keypoints(class_name).savefig(path, dpi=110)
         print(path)
 
 

@@ -15,14 +15,14 @@ _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 def mirrored_keypoints(
-    kind: str, right: Mapping[str, FloatArray], middle: Mapping[str, FloatArray]
+    class_name: str, right: Mapping[str, FloatArray], middle: Mapping[str, FloatArray]
 ) -> FloatArray:
     """Keypoints (P, 3) of a class in order, from those of the right side and the middle.
 
     The names of the right side come without "right_".
     """
     rows = []
-    for i in keypoint_indices(kind):
+    for i in keypoint_indices(class_name):
         side, _, name = KEYPOINTS[i].name.partition("_")
         if KEYPOINTS[i].partner is None:
             rows.append(middle[KEYPOINTS[i].name])
@@ -32,7 +32,7 @@ def mirrored_keypoints(
 
 
 def finished(
-    kind: str,
+    class_name: str,
     style: str,
     seed: int,
     components: Sequence[Component],
@@ -43,7 +43,7 @@ def finished(
     """The body made of components in the object frame."""
     mesh = assemble(components)
     return Body(
-        kind,
+        class_name,
         style,
         seed,
         mesh.vertices,

@@ -16,7 +16,8 @@ from rich.progress import Progress
 from groundpose._checks import FloatArray
 from groundpose.lab.bodies.catalogue import outline
 from groundpose.shape import ShapeModel
-from groundpose.vehicles.keypoints import KINDS, keypoint_names
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import keypoint_names
 from groundpose.vehicles.shape_models import FOLDER
 
 BODIES = 2000
@@ -28,9 +29,9 @@ FEWEST, MOST = 5, 10
 """Smallest and largest number of modes; the core takes at most 10."""
 
 
-def outlines(kind: str, count: int, first: int = 0) -> Iterator[tuple[FloatArray, FloatArray]]:
+def outlines(class_name: str, count: int, first: int = 0) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Keypoints (P, 3) and 3D box (2, 3) of the bodies with seeds `first` to `first + count - 1`."""
-    return (outline(kind, seed) for seed in range(first, first + count))
+    return (outline(class_name, seed) for seed in range(first, first + count))
 
 
 def variances(stack: FloatArray) -> FloatArray:
@@ -46,10 +47,12 @@ def modes_needed(stack: FloatArray) -> int:
     return int(np.clip(np.count_nonzero(left > LEFT_M) + 1, FEWEST, MOST))
 
 
-def fit(kind: str, stack: FloatArray, boxes: FloatArray) -> ShapeModel:
+def fit(class_name: str, stack: FloatArray, boxes: FloatArray) -> ShapeModel:
     """The shape model of keypoints (S, P, 3) and boxes (S, 2, 3); its box follows the shape."""
     modes = modes_needed(stack)
-    model = ShapeModel.fit(stack, modes, bbox_3d=boxes, keypoint_names=keypoint_names(kind), name=kind)
+    model = ShapeModel.fit(
+        stack, modes, bbox_3d=boxes, keypoint_names=keypoint_names(class_name), name=class_name
+    )
     # The sign of a mode is arbitrary; it is fixed here so that every machine writes the same file.
     flat = model.basis.reshape(modes, -1)
     largest = flat[np.arange(modes), np.abs(flat.round(6)).argmax(axis=1)]
@@ -61,30 +64,30 @@ def fit(kind: str, stack: FloatArray, boxes: FloatArray) -> ShapeModel:
         (sign * model.basis).round(6),
         model.eigenvalues.round(6),
         model.keypoint_names,
-        name=kind,
+        name=class_name,
         bbox_basis=(sign * model.bbox_basis).round(6),
     )
 
 
 def make(
-    folder: Path = FOLDER, count: int = BODIES, advance: Callable[[str], None] = lambda kind: None
+    folder: Path = FOLDER, count: int = BODIES, advance: Callable[[str], None] = lambda class_name: None
 ) -> None:
-    """Write `KIND.npz` of every class into `folder`; `advance` is called after every body."""
+    """Write `CLASS.npz` of every class into `folder`; `advance` is called after every body."""
     folder.mkdir(parents=True, exist_ok=True)
-    for kind in KINDS:
+    for class_name in CLASSES:
         rows = []
-        for row in outlines(kind, count):
+        for row in outlines(class_name, count):
             rows.append(row)
-            advance(kind)
+            advance(class_name)
         points, boxes = (np.stack(arrays) for arrays in zip(*rows, strict=True))
-        fit(kind, points, boxes).save(folder / f"{kind}.npz")
+        fit(class_name, points, boxes).save(folder / f"{class_name}.npz")
 
 
 def main() -> None:
     """Write the models that ship."""
     with Progress() as progress:
-        bars = {kind: progress.add_task(kind, total=BODIES) for kind in KINDS}
-        make(advance=lambda kind: progress.advance(bars[kind]))
+        bars = {class_name: progress.add_task(class_name, total=BODIES) for class_name in CLASSES}
+        make(advance=lambda class_name: progress.advance(bars[class_name]))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 >>> from groundpose.lab.drive import labels, scene, scene_seed
 >>> frame = scene(scene_seed(0, "train"), 3)
->>> frame.split, all(label.kind == frame.vehicles[label.index].kind for label in labels(frame))
+>>> frame.split, all(label.class_name == frame.vehicles[label.index].class_name for label in labels(frame))
 ('train', True)
 """
 

@@ -6,26 +6,26 @@ import json
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from groundpose.vehicles import KINDS, keypoint_names
+from groundpose.vehicles import CLASSES, keypoint_names
 from groundpose.vehicles.skeleton import skeleton
 
 
-def category_id(kind: str) -> int:
+def category_id(class_name: str) -> int:
     """Number of a class, from 1."""
-    return KINDS.index(kind) + 1
+    return CLASSES.index(class_name) + 1
 
 
 def categories() -> list[dict[str, Any]]:
     """The four classes as COCO describes them."""
     return [
         {
-            "id": category_id(kind),
-            "name": kind,
+            "id": category_id(class_name),
+            "name": class_name,
             "supercategory": "vehicle",
-            "keypoints": list(keypoint_names(kind)),
-            "skeleton": [[a + 1, b + 1] for a, b in skeleton(kind)],  # COCO counts from 1
+            "keypoints": list(keypoint_names(class_name)),
+            "skeleton": [[a + 1, b + 1] for a, b in skeleton(class_name)],  # COCO counts from 1
         }
-        for kind in KINDS
+        for class_name in CLASSES
     ]
 
 

@@ -122,7 +122,7 @@ def _vehicles(drive: Drive, frame: int, R_road: FloatArray, at: FloatArray) -> t
     s, d, angle = np.array([(a.s[frame], a.d[frame], a.angle[frame]) for a in near]).T
     headings = drive.road.heading_at(s) + angle
     centres = drive.road.world(s, d)
-    boxes = [body(a.kind, a.seed).bbox_3d[:, [0, 2]] for a in near]
+    boxes = [body(a.class_name, a.seed).bbox_3d[:, [0, 2]] for a in near]
     middle = at - R_road[:, 2] * (0.5 * car.LENGTH - car.CAMERA_TO_FRONT)
     own = np.array([[-0.5 * car.WIDTH, -0.5 * car.LENGTH], [0.5 * car.WIDTH, 0.5 * car.LENGTH]])
     footprints = Footprints.of(
@@ -150,7 +150,7 @@ def _standing(
 ) -> tuple[Vehicle, ...]:
     if not actors:
         return ()
-    wheels = [body(a.kind, a.seed).wheels[:, [0, 2]] for a in actors]
+    wheels = [body(a.class_name, a.seed).wheels[:, [0, 2]] for a in actors]
     cos, sin = np.cos(headings), np.sin(headings)
     spots = [
         centre[[0, 2]] + np.stack([w[:, 0] * c + w[:, 1] * n, w[:, 1] * c - w[:, 0] * n], axis=1)
@@ -166,7 +166,7 @@ def _standing(
         state = a.state[frame]
         vehicles.append(
             Vehicle(
-                kind=a.kind,
+                class_name=a.class_name,
                 seed=a.seed,
                 R_world=yaw @ tilt,
                 t_world=np.array([centre[0], level, centre[2]]),
@@ -217,7 +217,7 @@ def _props(
     cars = Footprints.of(
         np.array([v.t_world[[0, 2]] for v in vehicles]),
         np.array([math.atan2(v.R_world[0, 2], v.R_world[2, 2]) for v in vehicles]),
-        np.array([body(v.kind, v.seed).bbox_3d[:, [0, 2]] for v in vehicles]),
+        np.array([body(v.class_name, v.seed).bbox_3d[:, [0, 2]] for v in vehicles]),
     )
     free = np.flatnonzero(~overlapping(things, cars).any(axis=1))
     return tuple(chosen[i] for i in free)

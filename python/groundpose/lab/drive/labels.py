@@ -33,7 +33,7 @@ class Label:
 
     Args:
         index: of the vehicle in `Scene.vehicles`.
-        kind, style, seed, state: of the vehicle and its body.
+        class_name, style, seed, state: of the vehicle and its body.
         bbox: (4,) left, top, right, bottom of the mesh in the image, cut at its border.
         bbox_full: (4,) the same, not cut at the border (but at the near plane 0.3 m before the camera).
         truncation: fraction of `bbox_full` outside the image.
@@ -48,7 +48,7 @@ class Label:
     """
 
     index: int
-    kind: str
+    class_name: str
     style: str
     seed: int
     state: str
@@ -105,7 +105,7 @@ def _label(scene: Scene, sight: Sight, hiders: list[Sight], road_row: float) -> 
     bbox = clipped(scene.camera, sight.box)
     return Label(
         index=sight.row,
-        kind=vehicle.kind,
+        class_name=vehicle.class_name,
         style=body.style,
         seed=vehicle.seed,
         state=vehicle.state,

@@ -49,7 +49,7 @@ def drive_numbers(seed: int, drive: int) -> tuple[list[tuple[float, ...]], Float
         names[f"road {frame.road.layout.kind}"] += 1
         names[f"light {frame.light.kind}"] += 1
         for label in labels(frame):
-            names.update([f"class {label.kind}", f"style {label.style}", f"state {label.state}"])
+            names.update([f"class {label.class_name}", f"style {label.style}", f"state {label.state}"])
             visible = float(np.count_nonzero(label.keypoint_states == VISIBLE))
             fractions = (label.truncation, label.occlusion, label.occluded_share)
             rows.append((float(label.location[2]), *fractions, label.plane_pitch, label.plane_roll, visible))

@@ -32,7 +32,10 @@ def frame_line(scene: Scene, labels: Sequence[Label], drive: int, image: str | N
         "id": scene.number,
         "camera": {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "image_size")},
         **({} if image is None else {"image": image}),
-        "models": {kind: BUNDLED + kind for kind in dict.fromkeys(label.kind for label in labels)},
+        "models": {
+            class_name: BUNDLED + class_name
+            for class_name in dict.fromkeys(label.class_name for label in labels)
+        },
         "objects": [_object(label) for label in labels],
         "_drive": drive,
         "_seed": scene.seed,
@@ -58,7 +61,7 @@ def _object(label: Label) -> dict[str, Any]:
     pixels = _rounded(label.keypoints_2d, 3)
     return {
         "id": label.index,
-        "model": label.kind,
+        "model": label.class_name,
         "keypoints_2d": [None if state == OUTSIDE else p for p, state in zip(pixels, states, strict=True)],
         "keypoint_scores": [float(state == VISIBLE) for state in states],
         "bbox": _rounded(label.bbox, 3),
@@ -70,7 +73,7 @@ def _object(label: Label) -> dict[str, Any]:
         "_truncation": round(label.truncation, 4),
         "_occlusion": label.occlusion,
         "_occluded_share": round(label.occluded_share, 4),
-        "_body": {"kind": label.kind, "style": label.style, "seed": label.seed},
+        "_body": {"kind": label.class_name, "style": label.style, "seed": label.seed},
         "_state": label.state,
         "_plane_pitch_deg": round(math.degrees(label.plane_pitch), 6),
         "_plane_roll_deg": round(math.degrees(label.plane_roll), 6),
@@ -87,7 +90,7 @@ def kitti_label(label: Label) -> KittiLabel:
     left, top, right, bottom = label.bbox.tolist()
     x, y, z = label.location.tolist()
     return KittiLabel(
-        type=TYPE_OF[label.kind],
+        type=TYPE_OF[label.class_name],
         truncated=label.truncation,
         occluded=label.occlusion,
         alpha=label.alpha,

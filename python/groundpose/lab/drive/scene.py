@@ -20,7 +20,7 @@ class Light:
     """Light of a drive.
 
     Args:
-        kind: "sun", "overcast", "dusk", "glare", "shade" and so on.
+        class_name: "sun", "overcast", "dusk", "glare", "shade" and so on.
         sun_direction: (3,) world, unit length, pointing to the sun.
         sun_strength: 0 without a sun.
         sky: index of the environment.
@@ -38,12 +38,12 @@ class Light:
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A vehicle and its pose, `X_world = R_world @ X_object + t_world`; its body is `body(kind, seed)`.
+    """A vehicle and its pose, `X_world = R_world @ X_object + t_world`; its body is `body(class_name, seed)`.
 
     `look_seed` decides paint, dirt, plate and driver; `state` is "moving", "parked", "turning" or "crossing".
     """
 
-    kind: str
+    class_name: str
     seed: int
     R_world: FloatArray
     t_world: FloatArray

@@ -17,7 +17,7 @@ from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.labels import labels
 from groundpose.lab.drive.render import Renderer
 from groundpose.lab.drive.splits import scene_seed
-from groundpose.vehicles import KINDS
+from groundpose.vehicles import CLASSES
 
 CROP, COLUMNS, CROPS = (128, 96), 8, 64
 FRAMES, FRAME = 8, (760, 429)
@@ -37,17 +37,17 @@ def crop_box(bbox: FloatArray, size: tuple[int, int], margin: float = _MARGIN) -
     return np.concatenate([middle - reach, middle + reach])
 
 
-def crops(renderer: Renderer, kind: str, count: int) -> list[NDArray[np.uint8]]:
+def crops(renderer: Renderer, class_name: str, count: int) -> list[NDArray[np.uint8]]:
     """Crops of vehicles of one class from successive scenes."""
-    fractions = {k: 0.7 if k == kind else 0.1 for k in KINDS}
+    fractions = {k: 0.7 if k == class_name else 0.1 for k in CLASSES}
     out: list[NDArray[np.uint8]] = []
     drive = 0
     while len(out) < count:
-        made = scene(scene_seed(1000 * KINDS.index(kind) + drive, "validation"), 10, fractions)
+        made = scene(scene_seed(1000 * CLASSES.index(class_name) + drive, "validation"), 10, fractions)
         drive += 1
         shown = [
             x for x in labels(made)
-            if x.kind == kind and x.bbox[3] - x.bbox[1] >= _LEAST_HEIGHT
+            if x.class_name == class_name and x.bbox[3] - x.bbox[1] >= _LEAST_HEIGHT
             and x.truncation <= _MOST_CUT and x.occluded_share <= _MOST_HIDDEN
         ]  # fmt: skip
         for label in shown[:: max(1, len(shown) // _A_SCENE)][:_A_SCENE]:
@@ -75,11 +75,13 @@ def tiled(pictures: list[NDArray[np.uint8]], columns: int) -> Image.Image:
 
 
 def main(folder: Path) -> None:
-    """Write `crops_<kind>.jpg` and `frames.jpg`."""
+    """Write `crops_<class_name>.jpg` and `frames.jpg`."""
     folder.mkdir(parents=True, exist_ok=True)
     renderer = Renderer()
-    for kind in KINDS:
-        tiled(crops(renderer, kind, CROPS), COLUMNS).save(folder / f"crops_{kind}.jpg", quality=85)
+    for class_name in CLASSES:
+        tiled(crops(renderer, class_name, CROPS), COLUMNS).save(
+            folder / f"crops_{class_name}.jpg", quality=85
+        )
     pictures = frames(renderer, FRAMES)
     tiled(pictures, 2).save(folder / "frames.jpg", quality=80)
 

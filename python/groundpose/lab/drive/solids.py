@@ -58,9 +58,9 @@ class Solid:
 
 
 @lru_cache(maxsize=2048)
-def solid(kind: str, seed: int) -> Solid:
-    """The body `body(kind, seed)`, prepared."""
-    made = body(kind, seed)
+def solid(class_name: str, seed: int) -> Solid:
+    """The body `body(class_name, seed)`, prepared."""
+    made = body(class_name, seed)
     positions = np.ascontiguousarray(made.vertices).view([("", made.vertices.dtype)] * 3).ravel()
     _, first, row = np.unique(positions, return_index=True, return_inverse=True)
     vertices = made.vertices[first]

@@ -10,7 +10,7 @@ from groundpose._checks import count, input_error
 from groundpose.lab.bodies import Body
 from groundpose.lab.bodies import body as make_body
 from groundpose.lab.bodies.catalogue import outline
-from groundpose.vehicles import KINDS
+from groundpose.vehicles import CLASSES
 
 SPLITS = ("train", "validation", "test")
 SEEDS_PER_SPLIT = 2**32
@@ -42,25 +42,25 @@ def split_of(seed: int) -> str:
     return SPLITS[index]
 
 
-def random_body(rng: np.random.Generator, kind: str, split: str) -> int:
-    """Seed of a body of class `kind` that only this split uses."""
-    return _FIRST_BODY[split] + int(rng.integers(bodies_of(split, kind)))
+def random_body(rng: np.random.Generator, class_name: str, split: str) -> int:
+    """Seed of a body of class `class_name` that only this split uses."""
+    return _FIRST_BODY[split] + int(rng.integers(bodies_of(split, class_name)))
 
 
-def bodies_of(split: str, kind: str) -> int:
-    """How many bodies of class `kind` a split has."""
-    return _BODIES[split][kind != KINDS[0]]
+def bodies_of(split: str, class_name: str) -> int:
+    """How many bodies of class `class_name` a split has."""
+    return _BODIES[split][class_name != CLASSES[0]]
 
 
 @lru_cache(maxsize=2048)
-def body(kind: str, seed: int) -> Body:
+def body(class_name: str, seed: int) -> Body:
     """`groundpose.lab.bodies.body` with a cache."""
-    return make_body(kind, seed)
+    return make_body(class_name, seed)
 
 
 @lru_cache(maxsize=4096)
-def length_and_width(kind: str, seed: int) -> tuple[float, float]:
-    """Length, height, width of `body(kind, seed)`, metres, computed without its mesh."""
-    _, box = outline(kind, seed)
+def length_and_width(class_name: str, seed: int) -> tuple[float, float]:
+    """Length, height, width of `body(class_name, seed)`, metres, computed without its mesh."""
+    _, box = outline(class_name, seed)
     width, _, length = (box[1] - box[0]).tolist()
     return length, width

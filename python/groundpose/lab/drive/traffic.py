@@ -14,7 +14,7 @@ from groundpose.lab.drive.ego import CAMERA_TO_FRONT, FRAME_INTERVAL, Ego
 from groundpose.lab.drive.road import Junction, Lane, Parking, Road
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, wave
 from groundpose.lab.drive.splits import length_and_width, random_body
-from groundpose.vehicles import KINDS
+from groundpose.vehicles import CLASSES
 
 AHEAD, BEHIND = 110.0, 14.0
 """Lengths of road ahead of and behind the camera with traffic, metres."""
@@ -28,7 +28,7 @@ class Actor:
     """A vehicle over a drive: `s`, `d` and `angle` to the road (positive to the right), one value per frame.
     `sight` is the distance in metres beyond which it does not appear."""
 
-    kind: str
+    class_name: str
     seed: int
     look_seed: int
     s: FloatArray
@@ -41,7 +41,7 @@ class Actor:
 
 
 @dataclass(frozen=True)
-class Kinds:
+class Classes:
     """Draws vehicles of a split with the frequencies of the classes."""
 
     rng: np.random.Generator
@@ -51,12 +51,12 @@ class Kinds:
     def draw(self, longest: float = math.inf, widest: float = math.inf) -> tuple[str, int, float, float]:
         """Class, seed, length and width of a vehicle that is at most this long and wide."""
         names, weights = list(self.shares), np.array(list(self.shares.values()))
-        kind = names[int(self.rng.choice(len(names), p=weights / weights.sum()))]
+        class_name = names[int(self.rng.choice(len(names), p=weights / weights.sum()))]
         for _ in range(8):
-            seed = random_body(self.rng, kind, self.split)
-            length, width = length_and_width(kind, seed)
+            seed = random_body(self.rng, class_name, self.split)
+            length, width = length_and_width(class_name, seed)
             if length <= longest and width <= widest:
-                return kind, seed, length, width
+                return class_name, seed, length, width
         return "", 0, 0.0, 0.0
 
 
@@ -64,7 +64,7 @@ def traffic(
     rng: np.random.Generator, road: Road, ego: Ego, split: str, shares: Mapping[str, float]
 ) -> tuple[Actor, ...]:
     """All vehicles of a drive in order of priority: where two would overlap, the later one is omitted."""
-    maker = _Maker(rng, road, ego, Kinds(rng, split, shares))
+    maker = _Maker(rng, road, ego, Classes(rng, split, shares))
     parked = [actor for row in road.layout.parking for actor in maker.row(row)]
     cross = list(maker.junction(road.junction)) if road.junction is not None else []
     lanes = sorted(road.layout.lanes, key=lambda lane: abs(lane.d - ego.d[0]))
@@ -77,7 +77,7 @@ class _Maker:
     rng: np.random.Generator
     road: Road
     ego: Ego
-    kinds: Kinds
+    classes: Classes
 
     def _actor(
         self,
@@ -91,7 +91,7 @@ class _Maker:
         frames = len(self.ego.s)
         s, d, angle = (np.array(np.broadcast_to(x, frames), float) for x in (s, d, angle))
         return Actor(
-            kind=chosen[0],
+            class_name=chosen[0],
             seed=chosen[1],
             look_seed=int(self.rng.integers(2**31)),
             s=s,
@@ -114,7 +114,7 @@ class _Maker:
                 continue
             if row.angle == 0.0:
                 # a long vehicle takes two places
-                chosen = self.kinds.draw(longest=2.0 * row.pitch - 0.8, widest=2.6)
+                chosen = self.classes.draw(longest=2.0 * row.pitch - 0.8, widest=2.6)
                 places = 1 if chosen[2] < row.pitch - 0.5 else 2
                 middle = place + 0.5 * row.pitch * (places - 1)
                 slack = 0.3 * max(places * row.pitch - chosen[2] - 0.5, 0.0)
@@ -124,7 +124,7 @@ class _Maker:
                 )
                 place += row.pitch * (places - 1)
             else:
-                chosen = self.kinds.draw(longest=row.depth + 0.6, widest=2.15)
+                chosen = self.classes.draw(longest=row.depth + 0.6, widest=2.15)
                 nose_in = rng.random() < 0.65
                 middle, slack, d = place, 0.12, row.d + rng.normal(0.0, 0.15)
                 angle = row.side * (row.angle if nose_in else row.angle - math.pi)
@@ -154,7 +154,7 @@ class _Maker:
         headway, gap = rng.uniform(0.4, 1.4), rng.uniform(*ROAD_KINDS[self.road.layout.kind].gap)
         place = start
         while True:
-            chosen = self.kinds.draw(widest=lane.width - 0.15)
+            chosen = self.classes.draw(widest=lane.width - 0.15)
             clear = 1.8 + headway * speed + rng.exponential(gap)
             place += clear + 0.5 * chosen[2]
             if place > end:
@@ -183,7 +183,7 @@ class _Maker:
         rng, s = self.rng, self._cross_lane(junction, direction)
         place = self.road.layout.edge(-direction) + rng.uniform(0.8, 2.5)
         for _ in range(int(rng.integers(0, 3))):
-            chosen = self.kinds.draw(widest=junction.half_width - 0.3)
+            chosen = self.classes.draw(widest=junction.half_width - 0.3)
             place += 0.5 * chosen[2]
             if place + 0.5 * chosen[2] > junction.reach:
                 return
@@ -213,7 +213,7 @@ class _Maker:
 
     def _along(self, path: FloatArray, state: str, speed: float) -> Actor:
         """A vehicle that reaches the middle of its path in a random frame of the drive."""
-        chosen = self.kinds.draw(widest=2.6)
+        chosen = self.classes.draw(widest=2.6)
         lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
         t = np.arange(len(self.ego.s)) * FRAME_INTERVAL
         progress = np.clip(
@@ -241,10 +241,10 @@ def _rounded(before: FloatArray, corner: FloatArray, after: FloatArray, radius: 
 
 def check_shares(shares: Mapping[str, float]) -> None:
     """Raises InputError for an unknown class, a negative fraction, or no fraction above zero."""
-    for kind, fraction in shares.items():
-        if kind not in KINDS:
-            raise input_error("class fractions", f"classes {', '.join(KINDS)}", repr(kind))
+    for class_name, fraction in shares.items():
+        if class_name not in CLASSES:
+            raise input_error("class fractions", f"classes {', '.join(CLASSES)}", repr(class_name))
         if not (math.isfinite(number("class fractions", fraction)) and fraction >= 0.0):
-            raise input_error("class fractions", f"a number from 0 for {kind}", fraction)
+            raise input_error("class fractions", f"a number from 0 for {class_name}", fraction)
     if not sum(shares.values()) > 0.0:
         raise input_error("class fractions", "at least one above zero", dict(shares))

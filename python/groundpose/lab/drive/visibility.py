@@ -62,7 +62,7 @@ class Target:
 
 def look(scene: Scene, index: int, vehicle: Vehicle) -> Sight | None:
     """Project a vehicle; None when nothing of it is in the image."""
-    known = solid(vehicle.kind, vehicle.seed)
+    known = solid(vehicle.class_name, vehicle.seed)
     R, t = scene.camera_from_object(vehicle)
     if _beside(scene.camera, known.corners @ R.T + t):
         return None

@@ -22,7 +22,7 @@ from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.shape_fit import Fit, fitted, mirrored, reached, rigidly_aligned
 from groundpose.lab.evaluate.shape_page import write_page
-from groundpose.vehicles import KINDS, shape_model
+from groundpose.vehicles import CLASSES, shape_model
 
 RESULTS, PAGE = Path("results/shape_models.json"), Path("docs/vehicles.md")
 UNSEEN = 500
@@ -121,10 +121,10 @@ def _without_offsets(model: gp.ShapeModel, cars: Array) -> tuple[Array, Fit]:
     return offsets, fitted(cars, mean + offsets, basis)
 
 
-def check_modes(kind: str, advance: Callable[[], None]) -> dict[str, Any]:
+def check_modes(class_name: str, advance: Callable[[], None]) -> dict[str, Any]:
     """How much of the variance of bodies the model has not seen each mode holds, and what all leave."""
-    model, rows = shape_model(kind), []
-    for row in outlines(kind, UNSEEN, first=BODIES):
+    model, rows = shape_model(class_name), []
+    for row in outlines(class_name, UNSEEN, first=BODIES):
         rows.append(row)
         advance()
     points, boxes = (np.stack(arrays) for arrays in zip(*rows, strict=True))
@@ -149,8 +149,10 @@ def check_modes(kind: str, advance: Callable[[], None]) -> dict[str, Any]:
 def run(data: Path | None = None) -> dict[str, Any]:
     """All checks; a progress bar counts bodies."""
     with Progress() as progress:
-        bar = progress.add_task("bodies", total=len(KINDS) * UNSEEN)
-        models = {kind: check_modes(kind, lambda: progress.advance(bar)) for kind in KINDS}
+        bar = progress.add_task("bodies", total=len(CLASSES) * UNSEEN)
+        models = {
+            class_name: check_modes(class_name, lambda: progress.advance(bar)) for class_name in CLASSES
+        }
     content: dict[str, Any] = {"command": "groundpose evaluate shapes", "models": models}
     cars = real_cars(data_folder(data))
     if cars is not None:

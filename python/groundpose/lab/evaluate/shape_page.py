@@ -9,7 +9,7 @@ import numpy as np
 
 from groundpose.lab.bodies import STYLES, body
 from groundpose.lab.evaluate import report
-from groundpose.vehicles import KEYPOINTS, KINDS, keypoint_indices
+from groundpose.vehicles import CLASSES, KEYPOINTS, keypoint_indices
 
 INTRODUCTION = """\
 # Vehicles
@@ -58,9 +58,9 @@ lamps, bumpers and plates are partly definition: the real labels follow the outl
 def render(content: dict[str, Any]) -> str:
     """The whole page."""
     parts = [INTRODUCTION, BODIES_TEXT, report.table(_styles()), KEYPOINTS_TEXT]
-    for kind in KINDS:
-        parts.append(f"### {kind}: {len(keypoint_indices(kind))} keypoints")
-        parts.append(f"![Keypoints of {kind}](vehicles/keypoints_{kind}.png)")
+    for class_name in CLASSES:
+        parts.append(f"### {class_name}: {len(keypoint_indices(class_name))} keypoints")
+        parts.append(f"![Keypoints of {class_name}](vehicles/keypoints_{class_name}.png)")
     parts += ["### All 53", report.table([_keypoint(i) for i in range(len(KEYPOINTS))])]
     parts += _models(content["models"])
     if "real cars" in content:
@@ -77,13 +77,13 @@ def write_page(content: dict[str, Any], path: Path) -> None:
 def _styles() -> list[dict[str, Any]]:
     """One line a style: seeds 0 to 9."""
     lines = []
-    for kind, styles in STYLES.items():
+    for class_name, styles in STYLES.items():
         for style in styles:
-            bodies = [body(kind, seed, style) for seed in range(10)]
+            bodies = [body(class_name, seed, style) for seed in range(10)]
             sizes = np.array([b.size for b in bodies]).mean(axis=0)
             lines.append(
                 {
-                    "class": kind,
+                    "class": class_name,
                     "style": style,
                     "length / height / width, m": " / ".join(f"{size:.2f}" for size in sizes),
                     "triangles": str(round(float(np.mean([len(b.faces) for b in bodies])))),
@@ -95,8 +95,8 @@ def _styles() -> list[dict[str, Any]]:
 
 def _keypoint(row: int) -> dict[str, Any]:
     keypoint = KEYPOINTS[row]
-    kinds = {kind: "x" if kind in keypoint.kinds else "" for kind in KINDS}
-    return {"number": row, "name": f"`{keypoint.name}`", "where": keypoint.where, **kinds}
+    classes = {class_name: "x" if class_name in keypoint.classes else "" for class_name in CLASSES}
+    return {"number": row, "name": f"`{keypoint.name}`", "where": keypoint.where, **classes}
 
 
 def _models(models: dict[str, Any]) -> list[str]:
@@ -104,11 +104,11 @@ def _models(models: dict[str, Any]) -> list[str]:
 
     first = next(iter(models.values()))
     lines, sizes = [], []
-    for kind, model in models.items():
+    for class_name, model in models.items():
         percentages = [100.0 * fraction for fraction in model["variance of each mode"]]
         lines.append(
             {
-                "class": kind,
+                "class": class_name,
                 "modes": model["modes"],
                 "variance of each, %": ", ".join(f"{p:.2f}" for p in percentages),
                 "of all, %": round(sum(percentages), 2),
@@ -118,7 +118,7 @@ def _models(models: dict[str, Any]) -> list[str]:
         means, deviations = model["mean length, height, width, m"], model["standard deviation, m"]
         columns = zip(("length", "height", "width"), means, deviations, strict=True)
         sizes.append(
-            {"class": kind, **{f"{name}, m": f"{mean:.2f} ± {std:.2f}" for name, mean, std in columns}}
+            {"class": class_name, **{f"{name}, m": f"{mean:.2f} ± {std:.2f}" for name, mean, std in columns}}
         )
     text = MODELS_TEXT.format(
         bodies=first["bodies of the model"],

@@ -29,7 +29,7 @@ class Batch:
         crops: (N, 3, height, width) float, RGB, whole numbers 0 to 255.
         keypoints: (N, K, 2) crop pixels, NaN = not a keypoint of the class.
         state: (N, K) as in the records.
-        kind: (N,) index of the class.
+        class_index: (N,) index of the class.
         windows: (N, 4) image pixels that the crops show (before rotation and mirroring).
         labels: (N,) the records.
     """
@@ -37,7 +37,7 @@ class Batch:
     crops: Tensor
     keypoints: Tensor
     state: Tensor
-    kind: Tensor
+    class_index: Tensor
     windows: FloatArray
     labels: Records
 

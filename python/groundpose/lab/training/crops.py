@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error
 from groundpose.keypoints.codec import MARGIN, ByteArray, Codec
-from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, keypoint_indices
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import KEYPOINTS, keypoint_indices
 
 VERSION = 1
 STORED = Codec(160, 120, margin=0.5 * (1.25 * (1.0 + 2.0 * MARGIN) - 1.0))
@@ -34,7 +35,7 @@ LABEL = np.dtype(
     [
         ("keypoints", "<f4", (len(KEYPOINTS), 2)),  # image pixels, NaN = not a keypoint of this class
         ("state", "u1", (len(KEYPOINTS),)),  # OUTSIDE, HIDDEN or VISIBLE of `groundpose.lab.drive`
-        ("kind", "u1"),  # index into KINDS
+        ("kind", "u1"),  # index into CLASSES
         ("box", "<f4", (4,)),  # left, top, right, bottom, image pixels, cut as a detector's
         ("window", "<f8", (4,)),  # part of the image in the stored crop, image pixels
         ("image_size", "<i4", (2,)),  # width, height; a crop has no picture outside the image
@@ -66,7 +67,7 @@ def record(
     *,
     keypoints: FloatArray,
     state: NDArray[np.integer[Any]],
-    kind: str,
+    class_name: str,
     box: FloatArray,
     window: FloatArray,
     image_size: tuple[int, int],
@@ -74,13 +75,13 @@ def record(
     index: int,
     occluded: float = 0.0,
 ) -> Records:
-    """A record of `LABEL` from the keypoints (P, 2) and states (P,) of a vehicle of class `kind`."""
+    """A record of `LABEL` from the keypoints (P, 2) and states (P,) of a vehicle of class `class_name`."""
     made = np.zeros((), dtype=LABEL)
-    rows = keypoint_indices(kind)
+    rows = keypoint_indices(class_name)
     made["keypoints"] = np.nan
     made["keypoints"][rows] = keypoints
     made["state"][rows] = state
-    made["kind"], made["box"], made["window"] = KINDS.index(kind), box, window
+    made["kind"], made["box"], made["window"] = CLASSES.index(class_name), box, window
     made["image_size"], made["frame"], made["object"], made["occluded"] = image_size, frame, index, occluded
     return made
 
@@ -173,7 +174,7 @@ def _write_index(folder: Path, source: Source, seed: int, frames_per_shard: int,
         "width": codec.width,
         "height": codec.height,
         "margin": codec.margin,
-        "kinds": list(KINDS),
+        "kinds": list(CLASSES),
         "keypoints": [keypoint.name for keypoint in KEYPOINTS],
     }
     path = folder / "index.json"
@@ -202,7 +203,7 @@ class Crops:
         self.index = json.loads(path.read_text())
         if self.index.get("version") != VERSION:
             raise input_error(str(path), f"version {VERSION}", self.index.get("version"))
-        if self.index["keypoints"] != [k.name for k in KEYPOINTS] or self.index["kinds"] != list(KINDS):
+        if self.index["keypoints"] != [k.name for k in KEYPOINTS] or self.index["kinds"] != list(CLASSES):
             raise input_error(str(path), "the keypoints and classes of this version", "others")
         self.codec = Codec(self.index["width"], self.index["height"], self.index["margin"])
         stems = [

@@ -73,8 +73,8 @@ class Answers:
                 numbers["within" + name] = float(good[chosen].mean())
                 numbers["error_px" + name] = float(self.errors[chosen].mean())
                 numbers["error_share" + name] = float(relative[chosen].mean())
-        own, kinds = named[""], self.detections.kind_probabilities.argmax(axis=1)
-        numbers["class_accuracy"] = float((kinds == self.labels["kind"]).mean())
+        own, classes = named[""], self.detections.class_probabilities.argmax(axis=1)
+        numbers["class_accuracy"] = float((classes == self.labels["kind"]).mean())
         return numbers | _ranking(scores[own], good[own])
 
 

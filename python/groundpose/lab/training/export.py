@@ -21,7 +21,8 @@ from groundpose.keypoints.codec import MEAN, STD, ByteArray, Codec
 from groundpose.keypoints.decode import Calibration
 from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS
 from groundpose.lab.training.networks import Decoded, KeypointNetwork
-from groundpose.vehicles.keypoints import KEYPOINTS, KINDS
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import KEYPOINTS
 
 OPSET = 18
 QUANTISED = ("Conv", "ConvTranspose", "Add", "Relu", "Resize", "MaxPool")
@@ -91,7 +92,7 @@ def metadata(
         "mean": MEAN,
         "std": STD,
         "keypoints": [keypoint.name for keypoint in KEYPOINTS],
-        "kinds": KINDS,
+        "kinds": CLASSES,
         "score_calibration": numbers,
         "data": {name: data[name] for name in ("source", "seed", "version")},
         "config": config,

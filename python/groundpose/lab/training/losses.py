@@ -53,7 +53,7 @@ class Loss:
         weight = weight * inside
         offsets = ((means - points) / self._size).abs().sum(dim=2)
         distance = (offsets * weight).sum() / weight.sum().clamp(min=1.0)
-        classes = functional.cross_entropy(raw.logits.float(), batch.kind)
+        classes = functional.cross_entropy(raw.logits.float(), batch.class_index)
         c = self._config
         total = c.cross_entropy * cross_entropy + c.distance * distance + c.classes * classes
         return Losses(total, cross_entropy, distance, classes)

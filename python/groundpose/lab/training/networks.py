@@ -13,7 +13,8 @@ from torch.nn import functional
 
 from groundpose.keypoints.codec import MEAN, STD, crop_from_cell
 from groundpose.lab.training.configs import NetworkConfig
-from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import KEYPOINTS, flip_indices
 
 
 class Raw(NamedTuple):
@@ -27,13 +28,13 @@ class Decoded(NamedTuple):
     """Decoded output of a network for N crops.
 
     keypoints (N, K, 2) crop pixels; spread (N, K) crop pixels, the standard deviation of the map read as a
-    distribution; peak (N, K) its largest cell, 0 to 1; kind_probabilities (N, 4).
+    distribution; peak (N, K) its largest cell, 0 to 1; class_probabilities (N, 4).
     """
 
     keypoints: Tensor
     spread: Tensor
     peak: Tensor
-    kind_probabilities: Tensor
+    class_probabilities: Tensor
 
 
 class ConvNorm(nn.Module):
@@ -166,7 +167,7 @@ class KeypointNetwork(nn.Module):
             channels.append(inputs)
         self.stages = nn.ModuleList(stages)
         self.head: nn.Module = _HEADS[config.head](channels, config.head_widths, len(KEYPOINTS))
-        self.classes = nn.Linear(channels[-1], len(KINDS))
+        self.classes = nn.Linear(channels[-1], len(CLASSES))
         self.stride = 4.0 if config.head == "fpn" else 32.0 / 2 ** len(config.head_widths)
         for name, pixels in (("cell_x", config.width), ("cell_y", config.height)):
             centres = crop_from_cell(np.arange(pixels / self.stride), self.stride)

@@ -36,7 +36,7 @@ def rendered_samples(seed: int, split: str, first: int, count: int, codec: Codec
                 record(
                     keypoints=label.keypoints_2d,
                     state=label.keypoint_states,
-                    kind=label.kind,
+                    class_name=label.class_name,
                     box=label.bbox,
                     window=window,
                     image_size=frame.camera.image_size,

@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw
 
 import groundpose as gp
 from groundpose._checks import FloatArray, input_error
-from groundpose.formats.kitti.labels import KIND_OF, KittiLabel, read_labels
+from groundpose.formats.kitti.labels import CLASS_OF, KittiLabel, read_labels
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.image import as_rgb
 from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
@@ -42,7 +42,7 @@ class Street:
     view: gp.View
     bboxes: FloatArray
     R: FloatArray
-    kinds: tuple[str, ...]
+    classes: tuple[str, ...]
     easy: NDArray[np.bool_]
 
 
@@ -109,7 +109,7 @@ def _street(folder: Path, path: Path, types: tuple[str, ...], pitch: float) -> S
         gp.View(camera, pitch),
         np.array([row.bbox for row in rows]).reshape(-1, 4),
         rotation_about_y(angles + math.pi / 2),
-        tuple(KIND_OF[row.type] for row in rows),
+        tuple(CLASS_OF[row.type] for row in rows),
         np.array([_height(row) >= EASY_HEIGHT and row.occluded == 0 for row in rows], dtype=bool),
     )
 
@@ -140,7 +140,7 @@ def summary(judged: list[Judged]) -> dict[str, float]:
     """Metrics by name, for all vehicles and for the easy ones."""
     rotation, yaw = (np.concatenate([getattr(j, n) for j in judged]) for n in ("rotation_error", "yaw_error"))
     easy = np.concatenate([j.street.easy for j in judged])
-    right = np.concatenate([j.poses.kinds == np.array(j.street.kinds, dtype=np.str_) for j in judged])
+    right = np.concatenate([j.poses.classes == np.array(j.street.classes, dtype=np.str_) for j in judged])
     numbers: dict[str, float] = {}
     for name, chosen in (("all", np.ones(len(easy), dtype=bool)), ("easy", easy)):
         numbers[f"{name}: vehicles"] = int(chosen.sum())
@@ -188,7 +188,7 @@ def _tile(j: Judged, i: int) -> Image.Image:
         if math.isfinite(x) and score > 0.1:
             colour = tuple(int(score * g + (1 - score) * b) for g, b in zip(_GOOD, _BAD, strict=True))
             draw.ellipse([x - 2, y - 2, x + 2, y + 2], fill=colour)
-    caption = f"{j.street.name} {j.poses.kinds[i]} {j.rotation_error[i]:.1f}"
+    caption = f"{j.street.name} {j.poses.classes[i]} {j.rotation_error[i]:.1f}"
     draw.text(
         (4, 4),
         caption + (" easy" if j.street.easy[i] else ""),

@@ -16,7 +16,8 @@ from groundpose._checks import FloatArray
 from groundpose.keypoints.codec import Codec, cut
 from groundpose.lab.drive import HIDDEN, OUTSIDE, SPLITS, VISIBLE
 from groundpose.lab.training.crops import Sample, record
-from groundpose.vehicles.keypoints import KEYPOINTS, KINDS, flip_indices, keypoint_indices
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import KEYPOINTS, flip_indices, keypoint_indices
 
 IMAGE_SIZE = (200, 150)
 _BODY = ((200, 60, 60), (60, 170, 70), (70, 90, 210), (190, 170, 60))
@@ -25,12 +26,12 @@ _BODY = ((200, 60, 60), (60, 170, 70), (70, 90, 210), (190, 170, 60))
 def toy_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
     """`count` frames with one vehicle each, from frame `first`."""
     for frame in range(first, first + count):
-        image, box, kind, points, state = toy_frame(seed, split, frame)
+        image, box, class_name, points, state = toy_frame(seed, split, frame)
         window = codec.windows(box[None])[0]
         label = record(
             keypoints=points,
             state=state,
-            kind=kind,
+            class_name=class_name,
             box=box,
             window=window,
             image_size=IMAGE_SIZE,
@@ -45,9 +46,9 @@ def toy_frame(
 ) -> tuple[np.ndarray, FloatArray, str, FloatArray, np.ndarray]:  # image, box, kind, keypoints, states
     """A painted image (H, W, 3), the box (4,) of its vehicle, its class, keypoints (P, 2) and states (P,)."""
     rng = np.random.default_rng([seed, SPLITS.index(split), frame])
-    number = int(rng.integers(len(KINDS)))
-    kind = KINDS[number]
-    rows = keypoint_indices(kind)
+    number = int(rng.integers(len(CLASSES)))
+    class_name = CLASSES[number]
+    rows = keypoint_indices(class_name)
     place = _template()[rows]
     size = rng.uniform(45, 90) * np.array([1.0, rng.uniform(0.55, 0.8)])
     turn, middle = rng.normal(0.0, 0.08), rng.uniform((15, 15), np.array(IMAGE_SIZE) - 15)
@@ -64,7 +65,7 @@ def toy_frame(
     limit = np.array(IMAGE_SIZE) - 0.5
     state[((points < -0.5) | (points > limit)).any(axis=1)] = OUTSIDE
     box = np.concatenate([np.maximum(corners.min(axis=0), -0.5), np.minimum(corners.max(axis=0), limit)])
-    return np.asarray(picture), box, kind, points, state
+    return np.asarray(picture), box, class_name, points, state
 
 
 @cache

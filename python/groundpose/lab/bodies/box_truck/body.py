@@ -7,7 +7,7 @@ import numpy as np
 from groundpose._checks import FloatArray
 from groundpose.lab.bodies.body import Body
 from groundpose.lab.bodies.box_truck.fittings import fittings, mirror_box, rear_plate, tail_lamp
-from groundpose.lab.bodies.box_truck.plan import KIND, Plan, box_levels, cab_levels, plan, wheel_centres
+from groundpose.lab.bodies.box_truck.plan import CLASS, Plan, box_levels, cab_levels, plan, wheel_centres
 from groundpose.lab.bodies.common import moved, plate_middle
 from groundpose.lab.bodies.dimensions import random_stream
 from groundpose.lab.bodies.finish import finished, mirrored_keypoints
@@ -17,16 +17,16 @@ from groundpose.lab.bodies.shell import Arch, Columns, Shell, ends, shell, side_
 
 def build(style: str, seed: int) -> Body:
     """The body of this style and seed."""
-    rng = random_stream(KIND, style, seed)
+    rng = random_stream(CLASS, style, seed)
     p = plan(style, rng)
     cab, box = _cab(p), _box(p)
     parts = [cab.component(), box.component(), *fittings(p, cab, rng)]
-    return finished(KIND, style, seed, parts, *_measures(p, cab, box), wheel_centres(p))
+    return finished(CLASS, style, seed, parts, *_measures(p, cab, box), wheel_centres(p))
 
 
 def keypoints(style: str, seed: int) -> tuple[FloatArray, FloatArray]:
     """Keypoints (30, 3) and 3D box (2, 3) of `build(style, seed)`, without its mesh."""
-    p = plan(style, random_stream(KIND, style, seed))
+    p = plan(style, random_stream(CLASS, style, seed))
     return _measures(p, _cab(p), _box(p))
 
 
@@ -122,4 +122,4 @@ def _measures(p: Plan, cab: Shell, box: Shell) -> tuple[FloatArray, FloatArray]:
         "rear_plate": plate_middle(rear_plate(p), -1.0),
     }
     bounds = np.array([[-d.width, -2 * d.height, -d.length], [d.width, 0.0, d.length]]) * 0.5
-    return mirrored_keypoints(KIND, right, middle), bounds
+    return mirrored_keypoints(CLASS, right, middle), bounds

@@ -11,7 +11,7 @@ from groundpose.lab.bodies.dimensions import Dimensions, draw_dimensions
 from groundpose.lab.bodies.parts.wheels import Rim
 from groundpose.lab.bodies.shell import Level
 
-KIND = "box_truck"
+CLASS = "box_truck"
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Plan:
 
 def plan(style: str, rng: np.random.Generator) -> Plan:
     """All choices of one body."""
-    d, u = draw_dimensions(KIND, style, rng), rng.uniform
+    d, u = draw_dimensions(CLASS, style, rng), rng.uniform
     nose, gap = 0.5 * d.length, style == "cab_gap"
     bonneted = not gap and rng.random() < 0.45
     heavy = min(max((d.length - 5.6) / 5.0, 0.0), 1.0)

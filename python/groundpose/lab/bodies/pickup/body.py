@@ -11,22 +11,22 @@ from groundpose.lab.bodies.dimensions import random_stream
 from groundpose.lab.bodies.finish import finished, mirrored_keypoints
 from groundpose.lab.bodies.parts.wheels import hub_x
 from groundpose.lab.bodies.pickup.fittings import fittings, mirror_box
-from groundpose.lab.bodies.pickup.plan import KIND, Plan, bed_levels, cab_levels, plan, wheel_centres
+from groundpose.lab.bodies.pickup.plan import CLASS, Plan, bed_levels, cab_levels, plan, wheel_centres
 from groundpose.lab.bodies.shell import Arch, Columns, Shell, ends, shell, side_columns
 
 
 def build(style: str, seed: int) -> Body:
     """The body of this style and seed."""
-    rng = random_stream(KIND, style, seed)
+    rng = random_stream(CLASS, style, seed)
     p = plan(style, rng)
     cab, bed = _cab(p), _bed(p)
     parts = [cab.component(), bed.component(), *fittings(p, cab, bed, rng)]
-    return finished(KIND, style, seed, parts, *_measures(p, cab, bed), wheel_centres(p))
+    return finished(CLASS, style, seed, parts, *_measures(p, cab, bed), wheel_centres(p))
 
 
 def keypoints(style: str, seed: int) -> tuple[FloatArray, FloatArray]:
     """Keypoints (26, 3) and 3D box (2, 3) of `build(style, seed)`, without its mesh."""
-    p = plan(style, random_stream(KIND, style, seed))
+    p = plan(style, random_stream(CLASS, style, seed))
     return _measures(p, _cab(p), _bed(p))
 
 
@@ -131,4 +131,4 @@ def _measures(p: Plan, cab: Shell, bed: Shell) -> tuple[FloatArray, FloatArray]:
         "tailgate": bed.point(b.count - 1, "rail"),
     }
     box = np.array([[-d.width, -2 * d.height, -d.length], [d.width, 0.0, d.length]]) * 0.5
-    return mirrored_keypoints(KIND, right, middle), box
+    return mirrored_keypoints(CLASS, right, middle), box

@@ -11,7 +11,7 @@ from groundpose.lab.bodies.dimensions import Dimensions, draw_dimensions
 from groundpose.lab.bodies.parts.wheels import CAR_RIMS, STEEL_RIMS, Rim
 from groundpose.lab.bodies.shell import Level
 
-KIND = "pickup"
+CLASS = "pickup"
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Plan:
 
 def plan(style: str, rng: np.random.Generator) -> Plan:
     """All choices of one body."""
-    d, u = draw_dimensions(KIND, style, rng), rng.uniform
+    d, u = draw_dimensions(CLASS, style, rng), rng.uniform
     nose, double = 0.5 * d.length, style == "double_cab"
     cowl = nose - u(1.08, 1.28)
     belt, top = 0.62 * d.height + u(-0.02, 0.03), d.height - u(0.13, 0.17)

@@ -14,21 +14,21 @@ from groundpose.lab.bodies.shell import Arch, Columns, Shell, shell, side_column
 from groundpose.lab.bodies.van_bus.fittings import fittings, mirror_box
 from groundpose.lab.bodies.van_bus.plan import Plan, levels, plan, wheel_centres
 
-KIND = "van_bus"
+CLASS = "van_bus"
 
 
 def build(style: str, seed: int) -> Body:
     """The body of this style and seed."""
-    rng = random_stream(KIND, style, seed)
+    rng = random_stream(CLASS, style, seed)
     p = plan(style, rng)
     hull = _hull(p)
     parts = [hull.component(), *fittings(p, hull, rng)]
-    return finished(KIND, style, seed, parts, *_measures(p, hull), wheel_centres(p))
+    return finished(CLASS, style, seed, parts, *_measures(p, hull), wheel_centres(p))
 
 
 def keypoints(style: str, seed: int) -> tuple[FloatArray, FloatArray]:
     """Keypoints (26, 3) and 3D box (2, 3) of `build(style, seed)`, without its mesh."""
-    p = plan(style, random_stream(KIND, style, seed))
+    p = plan(style, random_stream(CLASS, style, seed))
     return _measures(p, _hull(p))
 
 
@@ -136,4 +136,4 @@ def _measures(p: Plan, hull: Shell) -> tuple[FloatArray, FloatArray]:
         "rear_plate": plate_middle(hull.point(c.count - 1, p.rear_plate), -1.0),
     }
     box = np.array([[-d.width, -2 * d.height, -d.length], [d.width, 0.0, d.length]]) * 0.5
-    return mirrored_keypoints(KIND, right, middle), box
+    return mirrored_keypoints(CLASS, right, middle), box

@@ -13,7 +13,7 @@ from groundpose.lab.bodies.dimensions import Dimensions, draw_dimensions
 from groundpose.lab.bodies.parts.wheels import STEEL_RIMS, Rim
 from groundpose.lab.bodies.shell import Level
 
-KIND = "van_bus"
+CLASS = "van_bus"
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def _level(p: Plan, name: str, height: float, half: float, front: float, rear: f
 
 def plan(style: str, rng: np.random.Generator) -> Plan:
     """All choices of one body."""
-    p = Plan(style, draw_dimensions(KIND, style, rng), style in ("city_bus", "coach"))
+    p = Plan(style, draw_dimensions(CLASS, style, rng), style in ("city_bus", "coach"))
     p.hull_height = p.dimensions.height
     _heights(p, rng)
     if p.bus:

@@ -20,7 +20,7 @@ from groundpose.lab.drive.render import Renderer, camera
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.renderer import OVERSAMPLED
 from groundpose.lab.drive.splits import bodies_of, body, scene_seed
-from groundpose.vehicles import KINDS
+from groundpose.vehicles import CLASSES
 
 CODEC = Codec(128, 96)
 FRAMES = 60  # of the throughput
@@ -51,7 +51,7 @@ def throughput(samples: Callable[[], Iterable[object]]) -> dict[str, Any]:
         count = sum(1 for _ in samples())
         passes.append(time.process_time() - start)
     seen = body.cache_info().currsize
-    bodies = (passes[0] - passes[1]) / seen * sum(bodies_of("train", kind) for kind in KINDS)
+    bodies = (passes[0] - passes[1]) / seen * sum(bodies_of("train", class_name) for class_name in CLASSES)
     a_crop = passes[1] / count
     return {
         "frames": FRAMES, "crops": count, "size": [CODEC.width, CODEC.height],

@@ -83,7 +83,7 @@ def own_ms() -> dict[str, Any]:
     car = made.vehicles[0]
     s = made.road.locate(*made.camera_position[[0, 2]])[0][0] + 8.0
     car = dataclasses.replace(
-        car, kind="car", seed=0, R_world=made.road.frame(s, 0.5)[0], t_world=made.road.world(s, 0.5)[0]
+        car, class_name="car", seed=0, R_world=made.road.frame(s, 0.5)[0], t_world=made.road.world(s, 0.5)[0]
     )
     light = dataclasses.replace(made.light, sun_strength=3.0)
     one = dataclasses.replace(made, vehicles=(car,), props=(), light=light)

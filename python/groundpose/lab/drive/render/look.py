@@ -96,18 +96,18 @@ class Look:
 PLATES = 32
 
 
-def look(kind: str, seed: int) -> Look:
-    """The look of a vehicle of class `kind`."""
+def look(class_name: str, seed: int) -> Look:
+    """The look of a vehicle of class `class_name`."""
     rng = np.random.default_rng([81, seed])
     fractions = np.array(
-        [fraction for *_, fraction in PAINTS] if kind == "car" else _WORK_FREQUENCIES, dtype=float
+        [fraction for *_, fraction in PAINTS] if class_name == "car" else _WORK_FREQUENCIES, dtype=float
     )
     colour, flakes, _ = PAINTS[rng.choice(len(PAINTS), p=fractions / fractions.sum())]
     shade = rng.normal(1.0, 0.12)
     tone = rng.normal(1.0, 0.05, size=3)
     paint = np.clip(np.array(colour) * max(shade, 0.6) * tone, 0.0, 0.8)
     panel = _BOX_PANELS[rng.choice(len(_BOX_PANELS), p=[0.4, 0.15, 0.12, 0.09, 0.08, 0.06, 0.05, 0.05])]
-    same = kind == "car" and rng.random() < 0.6
+    same = class_name == "car" and rng.random() < 0.6
     matt = rng.random() < 0.04
     dirty = rng.random()
     return Look(

@@ -139,11 +139,11 @@ class Stage:
     def _place_vehicles(self, scene: Scene) -> Things:
         used = {n: self.programs[n] for n in ("vehicle", "pane", "far_vehicle", "far_pane", "vehicle_depth")}
 
-        def make(kind: str, seed: int) -> GpuMesh:
-            return GpuMesh(used, VEHICLE, vehicle_levels(body(kind, seed)))
+        def make(class_name: str, seed: int) -> GpuMesh:
+            return GpuMesh(used, VEHICLE, vehicle_levels(body(class_name, seed)))
 
         meshes = [
-            self._bodies.get((v.kind, v.seed), lambda v=v: make(v.kind, v.seed))  # type: ignore[misc]
+            self._bodies.get((v.class_name, v.seed), lambda v=v: make(v.class_name, v.seed))  # type: ignore[misc]
             for v in scene.vehicles
         ]
         rows = np.array([_vehicle_row(v) for v in scene.vehicles], "f4").reshape(-1, INSTANCE_FLOATS)
@@ -234,7 +234,7 @@ def _placed(meshes: list[GpuMesh], rows: Floats, sizes: Floats | None = None) ->
 
 def _vehicle_row(vehicle: Vehicle) -> list[float]:
     """An instance of vehicle.vert."""
-    seen = look(vehicle.kind, vehicle.look_seed)
+    seen = look(vehicle.class_name, vehicle.look_seed)
     pose = np.column_stack([vehicle.R_world, vehicle.t_world]).ravel().tolist()
     return [
         *pose, *seen.paint, seen.flakes, *seen.second, seen.coat_roughness,

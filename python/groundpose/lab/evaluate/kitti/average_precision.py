@@ -80,13 +80,16 @@ class Overlaps:
 
 
 def judge(
-    truth: Sequence[KittiLabel], found: Sequence[KittiLabel], kind: str, overlaps: Overlaps | None = None
+    truth: Sequence[KittiLabel],
+    found: Sequence[KittiLabel],
+    class_name: str,
+    overlaps: Overlaps | None = None,
 ) -> Hits:
-    """What detections `found` of class `kind` are worth in one frame with labels `truth`."""
-    objects = [k for k, x in enumerate(truth) if x.type == kind or x.type in NEIGHBOURS[kind]]
-    mine = [k for k, x in enumerate(found) if x.type == kind]
-    of_kind = [difficulty(truth[k]) if truth[k].type == kind else len(DIFFICULTIES) for k in objects]
-    levels = np.array(of_kind, dtype=int)
+    """What detections `found` of class `class_name` are worth in one frame with labels `truth`."""
+    objects = [k for k, x in enumerate(truth) if x.type == class_name or x.type in NEIGHBOURS[class_name]]
+    mine = [k for k, x in enumerate(found) if x.type == class_name]
+    of_class = [difficulty(truth[k]) if truth[k].type == class_name else len(DIFFICULTIES) for k in objects]
+    levels = np.array(of_class, dtype=int)
     hits = Hits([int((levels <= d).sum()) for d in range(len(DIFFICULTIES))])
     if not mine:
         return hits

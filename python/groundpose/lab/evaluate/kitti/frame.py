@@ -12,7 +12,7 @@ import numpy as np
 import groundpose as gp
 from groundpose._checks import FloatArray, input_error
 from groundpose.formats.kitti.dataset import KittiFrame, difficulty
-from groundpose.formats.kitti.labels import KIND_OF, KittiLabel
+from groundpose.formats.kitti.labels import CLASS_OF, KittiLabel
 from groundpose.formats.kitti.results import R_from_rotation_y, bottom_centres, results
 from groundpose.formats.skips import Skips
 from groundpose.lab.contenders.contender import Contender, as_poses, nothing
@@ -43,7 +43,7 @@ class Task:
 
     methods: tuple[str, ...] = ("default",)
     boxes: str = "labels"
-    classes: tuple[str, ...] = tuple(KIND_OF)
+    classes: tuple[str, ...] = tuple(CLASS_OF)
     keypoints: str = "network"
     """Where they come from, in words."""
     pitch_deg: float = 0.0
@@ -185,7 +185,8 @@ def evaluate(
         overlaps = Overlaps.of(answers[name], frame.labels)
         result.errors[name] = _errors(frame, prepared, poses, overlaps)
         result.hits[name] = {
-            kind: judge(frame.labels, answers[name], kind, overlaps) for kind in task.classes
+            class_name: judge(frame.labels, answers[name], class_name, overlaps)
+            for class_name in task.classes
         }
     return result, answers
 

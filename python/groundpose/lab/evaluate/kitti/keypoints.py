@@ -15,12 +15,12 @@ import numpy.typing as npt
 import groundpose as gp
 from groundpose._checks import FloatArray, input_error
 from groundpose.formats.kitti.dataset import KittiFrame
-from groundpose.formats.kitti.labels import DONT_CARE, KIND_OF, KittiLabel
+from groundpose.formats.kitti.labels import CLASS_OF, DONT_CARE, KittiLabel
 from groundpose.formats.kitti.results import R_from_rotation_y
 from groundpose.lab.evaluate.simulated.keypoint_noise import HIDDEN, OUTSIDE, VISIBLE, Detector, Seen
-from groundpose.vehicles import KINDS, keypoint_indices, keypoint_names, shape_model
+from groundpose.vehicles import CLASSES, keypoint_indices, keypoint_names, shape_model
 
-WIDTH = max(len(keypoint_indices(kind)) for kind in KINDS)
+WIDTH = max(len(keypoint_indices(class_name)) for class_name in CLASSES)
 MODELS = ("class", "sized", "rigid")
 """What a solver knows of a vehicle: the shape model of its class, that stretched to the labelled size, or
 the stretched mean alone."""
@@ -82,7 +82,7 @@ class Network:
         if frame.image is None:
             return None
         found = self.pipeline.detect(as_rgb(frame.image), bboxes)
-        models = [self.pipeline.models[kind or KINDS[0]] for kind in found.kinds]
+        models = [self.pipeline.models[class_name or CLASSES[0]] for class_name in found.classes]
         return Found(found.keypoints, found.scores, models)
 
 
@@ -110,7 +110,7 @@ class Simulated:
     ) -> Found | None:
         """See `KeypointSource`."""
         key = zlib.crc32(f"{self.seed}/{frame.id}".encode())
-        nobody = shape_model(KINDS[0]).keypoints_3d
+        nobody = shape_model(CLASSES[0]).keypoints_3d
         bodies = [nobody if label is None else _body(label, (key, k)) for k, label in enumerate(labels)]
         points, states = self._seen(frame, bodies, labels)
         solid = np.full((len(bodies), WIDTH, 3), np.nan)
@@ -118,16 +118,16 @@ class Simulated:
             row[: len(body)] = body
         seen = Seen(points, states, solid, bboxes)
         pixels, scores = Detector("CNN", self.quality)(seen, key)
-        kinds = [KINDS[0] if label is None else KIND_OF[label.type] for label in labels]
-        lengths = [len(keypoint_indices(kind)) for kind in kinds]
+        classes = [CLASSES[0] if label is None else CLASS_OF[label.type] for label in labels]
+        lengths = [len(keypoint_indices(class_name)) for class_name in classes]
         return Found(
             [row[:n] for row, n in zip(pixels, lengths, strict=True)],
             [np.nan_to_num(row[:n]) for row, n in zip(scores, lengths, strict=True)],
-            [self._model(kind, label) for kind, label in zip(kinds, labels, strict=True)],
+            [self._model(class_name, label) for class_name, label in zip(classes, labels, strict=True)],
         )
 
-    def _model(self, kind: str, label: KittiLabel | None) -> gp.ShapeModel:
-        model = shape_model(kind)
+    def _model(self, class_name: str, label: KittiLabel | None) -> gp.ShapeModel:
+        model = shape_model(class_name)
         if label is None or self.models == "class":
             return model
         sized = model.scaled(label.length, label.height, label.width)
@@ -156,7 +156,7 @@ class Simulated:
             inside = ((at >= 0.0) & (at <= [width - 1.0, height - 1.0])).all(axis=1)
             before = others[others[:, 4] < label.location[2] - 0.5]
             hidden = ((at[:, None] > before[:, :2]) & (at[:, None] < before[:, 2:4])).all(axis=2).any(axis=1)
-            shown = _faces_camera(KIND_OF[label.type], body, -R.T @ t) & ~hidden
+            shown = _faces_camera(CLASS_OF[label.type], body, -R.T @ t) & ~hidden
             pixels[k, : len(body)] = at
             states[k, : len(body)] = np.where(inside, np.where(shown, VISIBLE, HIDDEN), OUTSIDE)
         return pixels, states
@@ -164,7 +164,7 @@ class Simulated:
 
 def _body(label: KittiLabel, key: tuple[int, int]) -> FloatArray:
     """Keypoints (P, 3) of a random body with the labelled size, origin at its bottom centre."""
-    model = shape_model(KIND_OF[label.type])
+    model = shape_model(CLASS_OF[label.type])
     normal = np.random.default_rng(key).standard_normal(model.modes)
     coefficients = np.clip(normal, -_MOST_DEVIATION, _MOST_DEVIATION) * np.sqrt(model.eigenvalues)
     points = model.keypoints(coefficients)
@@ -175,18 +175,18 @@ def _body(label: KittiLabel, key: tuple[int, int]) -> FloatArray:
     return np.asarray((points - model.bottom_centre) * factor)
 
 
-def _faces_camera(kind: str, body: FloatArray, camera: FloatArray) -> npt.NDArray[np.bool_]:
+def _faces_camera(class_name: str, body: FloatArray, camera: FloatArray) -> npt.NDArray[np.bool_]:
     """(P,) whether the vehicle itself leaves a keypoint in sight of a camera at this place, object frame."""
     low, high = body.min(axis=0), body.max(axis=0)
-    left, right, front, rear = _surfaces(kind)
+    left, right, front, rear = _surfaces(class_name)
     shown = (left & (camera[0] < low[0])) | (right & (camera[0] > high[0]))
     return np.asarray(shown | (front & (camera[2] > high[2])) | (rear & (camera[2] < low[2])))
 
 
 @cache
-def _surfaces(kind: str) -> tuple[npt.NDArray[np.bool_], ...]:
+def _surfaces(class_name: str) -> tuple[npt.NDArray[np.bool_], ...]:
     """(P,) each: whether a keypoint is on the left, the right, the front, the rear."""
-    names = keypoint_names(kind)
+    names = keypoint_names(class_name)
     bare = [name.removeprefix("left_").removeprefix("right_") for name in names]
     return (
         np.array([name.startswith("left_") for name in names]),

@@ -15,7 +15,7 @@ from groundpose.lab.evaluate.kitti.frame import Task, prepare
 from groundpose.lab.evaluate.kitti.keypoints import KeypointSource
 from groundpose.lab.evaluate.real_data import RealObjects
 
-KIND = "Car"
+CLASS = "Car"
 """One class: all have the same keypoints."""
 
 
@@ -26,7 +26,7 @@ def cars_of(
 
     ValueError when the frames have several cameras or no car.
     """
-    task = Task(boxes=boxes, classes=(KIND,))
+    task = Task(boxes=boxes, classes=(CLASS,))
     columns: list[tuple[Any, ...]] = []
     cameras = set()
     for name in folder.ids()[:limit]:

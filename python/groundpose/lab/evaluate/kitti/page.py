@@ -88,15 +88,16 @@ def _headline(content: Content) -> Iterator[str]:
     yield html.text("h2", "Average precision (R40) at easy / moderate / hard, %")
     yield html.table(
         [
-            {"method": method["method"], "class": kind, **precision}
+            {"method": method["method"], "class": class_name, **precision}
             for method in content["methods"]
-            for kind, precision in method["average precision"].items()
+            for class_name, precision in method["average precision"].items()
             if any(value is not None for value in precision["2D"])
         ]
     )
-    check = {kind: row["3D"] for kind, row in content["self-check"].items()}
+    check = {class_name: row["3D"] for class_name, row in content["self-check"].items()}
     words = "; ".join(
-        f"{kind} {' / '.join('–' if x is None else f'{x:g}' for x in v)}" for kind, v in check.items()
+        f"{class_name} {' / '.join('–' if x is None else f'{x:g}' for x in v)}"
+        for class_name, v in check.items()
     )
     yield html.text("p", f"Overlaps: 0.7, loose 0.5. The labels against themselves, 3D: {words}.", "note")
 

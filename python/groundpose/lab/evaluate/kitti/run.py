@@ -54,8 +54,8 @@ class Worker:
                     line.result, answers = done
                     if check:
                         truth = truth_as_results(frame)
-                        kinds = self.task.classes
-                        line.result.hits[SELF_CHECK] = {k: judge(frame.labels, truth, k) for k in kinds}
+                        classes = self.task.classes
+                        line.result.hits[SELF_CHECK] = {k: judge(frame.labels, truth, k) for k in classes}
                     self._export(frame_id, answers)
         except Exception as error:
             skipped.add("frame that failed", f"frame {frame_id}: {type(error).__name__}: {error}")

@@ -37,8 +37,8 @@ class Line:
                 "boxes": r.boxes,
                 "errors": {name: [_rounded(row) for row in rows] for name, rows in r.errors.items()},
                 "hits": {
-                    name: {kind: [h.objects, h.detections] for kind, h in by_kind.items()}
-                    for name, by_kind in r.hits.items()
+                    name: {class_name: [h.objects, h.detections] for class_name, h in by_class.items()}
+                    for name, by_class in r.hits.items()
                 },
                 "seconds": r.seconds,
                 "keypoint_seconds": r.keypoint_seconds,
@@ -53,8 +53,8 @@ class Line:
         if "labels" not in raw:
             return cls(raw["id"], None, skipped)
         hits = {
-            name: {kind: Hits(h[0], [tuple(d) for d in h[1]]) for kind, h in by_kind.items()}
-            for name, by_kind in raw["hits"].items()
+            name: {class_name: Hits(h[0], [tuple(d) for d in h[1]]) for class_name, h in by_class.items()}
+            for name, by_class in raw["hits"].items()
         }
         errors = {name: [_with_nan(row) for row in rows] for name, rows in raw["errors"].items()}
         own = {key: raw[key] for key in ("labels", "missed", "seconds", "keypoint_seconds", "boxes")}

@@ -92,9 +92,9 @@ def collect(lines: Iterable[Line], task: Task, split: Skips) -> Collected:
                 found.errors.setdefault(name, array("f")).extend(errors)
         for name, seconds in result.seconds.items():
             found.seconds[name] = found.seconds.get(name, 0.0) + seconds
-        for name, by_kind in result.hits.items():
-            for kind, hits in by_kind.items():
-                found.hits.setdefault(name, {}).setdefault(kind, Hits()).add(hits)
+        for name, by_class in result.hits.items():
+            for class_name, hits in by_class.items():
+                found.hits.setdefault(name, {}).setdefault(class_name, Hits()).add(hits)
         _keep_worst(found, line)
     found.worst.sort(key=lambda x: (-x[0], x[1], x[2]))
     return found
@@ -131,7 +131,9 @@ def summary(found: Collected) -> dict[str, Any]:
         "skipped": found.skipped.record(),
         "keypoints, us per box": 1e6 * found.keypoint_seconds / max(found.boxes, 1),
         "self-check": {
-            kind: average_precision(h) for kind, h in found.hits.get(SELF_CHECK, {}).items() if h.objects[-1]
+            class_name: average_precision(h)
+            for class_name, h in found.hits.get(SELF_CHECK, {}).items()
+            if h.objects[-1]
         },
         "methods": [_method(found, name) for name in found.task.methods],
         "worst": _worst(found),
@@ -141,7 +143,7 @@ def summary(found: Collected) -> dict[str, Any]:
 def _method(found: Collected, name: str) -> dict[str, Any]:
     objects, errors = found.objects, found.table(name)
     level = objects[:, LABEL_COLUMNS.index("level")]
-    kinds = objects[:, LABEL_COLUMNS.index("kind")]
+    classes = objects[:, LABEL_COLUMNS.index("kind")]
     counted = level < len(DIFFICULTIES)
     by_difficulty = [group(word, errors[level <= k]) for k, word in enumerate(DIFFICULTIES)]
     return {
@@ -150,11 +152,12 @@ def _method(found: Collected, name: str) -> dict[str, Any]:
         "us per object": 1e6 * found.seconds.get(name, 0.0) / max(found.boxes, 1),
         "by difficulty": [*by_difficulty, group("all labels", errors)],
         "by class": [
-            group(kind, errors[counted & (kinds == k)]) for k, kind in enumerate(found.task.classes)
+            group(class_name, errors[counted & (classes == k)])
+            for k, class_name in enumerate(found.task.classes)
         ],
         **{f"by {what}": _groups(what, objects[counted], errors[counted]) for what in EDGES},
         "average precision": {
-            kind: average_precision(hits) for kind, hits in found.hits.get(name, {}).items()
+            class_name: average_precision(hits) for class_name, hits in found.hits.get(name, {}).items()
         },
     }
 

@@ -55,8 +55,8 @@ def detected(
 def _own(vehicles: Vehicles, values: Array, fill: float) -> Array:
     """The values (N, K, ...) of each vehicle's own keypoints, (N, WIDTH, ...)."""
     found = np.full((len(vehicles), WIDTH, *values.shape[2:]), fill)
-    for row, kind, all_of_it in zip(found, vehicles.kinds, values, strict=True):
-        own = keypoint_indices(kind)
+    for row, class_name, all_of_it in zip(found, vehicles.classes, values, strict=True):
+        own = keypoint_indices(class_name)
         row[: len(own)] = all_of_it[own]
     return found
 

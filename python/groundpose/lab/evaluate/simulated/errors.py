@@ -116,10 +116,13 @@ def summary(objects: Vehicles, errors: Errors, shapes: bool) -> dict[str, Any]:
 
 def groups(objects: Vehicles) -> Iterator[tuple[str, str, Mask]]:
     """(by what, name, members) of every group of FEWEST vehicles and more."""
-    kinds = np.array(objects.kinds)
+    classes = np.array(objects.classes)
     parts = [
         *_ranges("distance", objects.distance, DISTANCES_M, "m"),
-        *(("class", kind, kinds == kind) for kind in dict.fromkeys(sorted(objects.kinds))),
+        *(
+            ("class", class_name, classes == class_name)
+            for class_name in dict.fromkeys(sorted(objects.classes))
+        ),
         ("truncation", "whole", objects.truncation <= 0.0),
         ("truncation", "cut by the image border", objects.truncation > 0.0),
         *(("occlusion", name, objects.occlusion == level) for level, name in enumerate(OCCLUSIONS)),

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import groundpose as gp
 from groundpose.lab.contenders.objects import Array, Objects, relative_thresholds
 from groundpose.lab.evaluate.simulated.keypoint_noise import OUTSIDE, Seen
-from groundpose.vehicles import KINDS, keypoint_indices
+from groundpose.vehicles import CLASSES, keypoint_indices
 
 SPLIT = "test"
 EVERY = 5
@@ -30,7 +30,7 @@ class Vehicles:
 
     camera: gp.Camera
     seen: Seen
-    kinds: tuple[str, ...]
+    classes: tuple[str, ...]
     """N classes"""
     bbox_3d: Array
     """(N, 2, 3) metres"""
@@ -42,7 +42,7 @@ class Vehicles:
 
     def __len__(self) -> int:
         """Number of vehicles."""
-        return len(self.kinds)
+        return len(self.classes)
 
     def __getitem__(self, rows: slice) -> Vehicles:
         """Some of the vehicles."""
@@ -68,13 +68,13 @@ class Vehicles:
     def known_models(self) -> list[gp.ShapeModel]:
         """Each vehicle's own keypoints and box (G1)."""
         own = np.isfinite(self.seen.keypoints_3d[..., 0])
-        rows = zip(self.seen.keypoints_3d, own, self.bbox_3d, self.kinds, strict=True)
-        return [gp.ShapeModel(points[k], bbox_3d=box, name=kind) for points, k, box, kind in rows]
+        rows = zip(self.seen.keypoints_3d, own, self.bbox_3d, self.classes, strict=True)
+        return [gp.ShapeModel(points[k], bbox_3d=box, name=class_name) for points, k, box, class_name in rows]
 
     def class_models(self, model: Callable[[str], gp.ShapeModel]) -> list[gp.ShapeModel]:
         """Each vehicle's class (G2); `model` gives the one of a class."""
-        each = {kind: model(kind) for kind in dict.fromkeys(self.kinds)}
-        return [each[kind] for kind in self.kinds]
+        each = {class_name: model(class_name) for class_name in dict.fromkeys(self.classes)}
+        return [each[class_name] for class_name in self.classes]
 
     def given(
         self, keypoints_2d: Array, scores: Array, bboxes: Array, models: list[gp.ShapeModel]
@@ -101,7 +101,7 @@ class Row:
     keypoint_states: npt.NDArray[np.integer[Any]]
     keypoints_3d: Array
     bbox: Array
-    kind: str
+    class_name: str
     bbox_3d: Array
     R: Array
     t: Array
@@ -109,7 +109,7 @@ class Row:
     truncation: float
 
 
-WIDTH = max(len(keypoint_indices(kind)) for kind in KINDS)
+WIDTH = max(len(keypoint_indices(class_name)) for class_name in CLASSES)
 """Keypoints of the class that has most: rows are padded to it, whatever classes there are."""
 
 
@@ -154,7 +154,7 @@ def from_rows(camera: gp.Camera, rows: Sequence[Row], width: int = WIDTH) -> Veh
     return Vehicles(
         camera=camera,
         seen=seen,
-        kinds=tuple(row.kind for row in rows),
+        classes=tuple(row.class_name for row in rows),
         bbox_3d=np.stack([row.bbox_3d for row in rows]),
         R=np.stack([row.R for row in rows]),
         t=np.stack([row.t for row in rows]),
