@@ -176,7 +176,10 @@ def kitti(
 
 def _methods(given: list[str]) -> tuple[str, ...]:
     """Each name once, `all` for all of our core."""
-    own = ("default", "p1p+re", "p1p+hre", "p3p+re", "p3p+hre")
+    from groundpose.lab.contenders.own import Own
+    from groundpose.lab.contenders.registry import by_option
+
+    own = [name for name, contender in by_option("kitti").items() if isinstance(contender, Own)]
     return tuple(dict.fromkeys(name for each in given for name in (own if each == "all" else (each,))))
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from groundpose.lab.contenders.own import DEFAULT
 from groundpose.lab.contenders.registry import described
@@ -73,7 +74,7 @@ def _show(console: Console, row: dict[str, Any]) -> None:
     table = Table(title=row["measure"], title_justify="left", show_header=False)
     for check in row["checks"]:
         value = "-" if check["value"] is None else f"{check['value']:.4g}{check['unit']}"
-        mark = "[green]met[/]" if check["met"] else "[red]NOT met[/]"
+        mark = Text("met", "green") if check["met"] else Text("NOT met", "red")
         table.add_row(check["what"], value, check["target"], mark)
     if row["missing"]:
         table.add_row(f"not measured: {row['missing']}")

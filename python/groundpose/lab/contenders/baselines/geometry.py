@@ -16,7 +16,7 @@ Pose = tuple[Array, Array]
 
 def normalised(pixels: Array, camera: Camera) -> Array:
     """Undistorted pixels (n, 2) to K^-1 u (n, 2)."""
-    return np.asarray(camera.rays(pixels)[..., :2])
+    return np.ascontiguousarray(camera.rays(pixels)[..., :2])
 
 
 def align(X: Array, Y: Array) -> tuple[Array, Array, float]:
