@@ -14,7 +14,7 @@ from groundpose.vehicles import CLASSES, KEYPOINTS, keypoint_indices
 INTRODUCTION = """\
 # Vehicles
 
-All vehicles are made by code (`groundpose.vehicles`): free to use, in any number, and the same on every
+All vehicles are procedural (`groundpose.vehicles`): free to use, in any number, and the same on every
 machine to 1e-15 m.
 `groundpose.lab.bodies.body("car", seed=7)` is a closed mesh with materials and keypoints,
 `groundpose.vehicles.shape_model("car")` the shape model that the estimator takes.
@@ -24,7 +24,7 @@ BODIES_TEXT = """\
 ## Bodies
 
 Every component is closed and faces outward; windows are glass with seats behind them. Means over ten bodies
-a style. For comparison KITTI's labels, length / height / width: car 3.90 / 1.51 / 1.62, van 4.97 / 2.18 /
+per style. For comparison KITTI's labels, length / height / width: car 3.90 / 1.51 / 1.62, van 4.97 / 2.18 /
 1.90, truck 9.53 / 3.30 / 2.53 m."""
 KEYPOINTS_TEXT = """\
 ## Keypoints
@@ -35,12 +35,12 @@ from there and the others hidden."""
 MODELS_TEXT = """\
 ## Shape models
 
-Principal components of {bodies} bodies a class, written by `python -m groundpose.lab.bodies.make_models`. The
-bodies are aligned as they are made: one metric frame, origin on the ground under the middle. There is no
+Principal components of {bodies} bodies per class, written by `python -m groundpose.lab.bodies.make_models`.
+The bodies are aligned as they are made: one metric frame, origin on the ground under the middle. There is no
 Procrustes alignment: it would take out size and position, which vary between vehicles and which a pose is
 relative to. As many modes are kept as leave {left:.0f} cm (root mean square) to the keypoints of a body,
 {fewest} to {most}. Vans and buses share one class: length fills its first mode, and a normal distribution
-describes it badly, because nothing is 8 m long. Measured on {unseen} bodies a class that the models
+describes it badly, because nothing is 8 m long. Measured on {unseen} bodies per class that the models
 were not made from:"""
 REAL_TEXT = """\
 ## Against real cars
@@ -75,7 +75,7 @@ def write_page(content: dict[str, Any], path: Path) -> None:
 
 
 def _styles() -> list[dict[str, Any]]:
-    """One line a style: seeds 0 to 9."""
+    """One line per style: seeds 0 to 9."""
     lines = []
     for class_name, styles in STYLES.items():
         for style in styles:
