@@ -25,7 +25,7 @@ const PANICS: [&str; 4] = ["panic_bounds_check", "slice_index_fail", "panic_fmt"
 /// Parts of the names of the functions that core links for a panic.
 const NAMES_OF_PANICS: [&str; 5] = ["panic", "_fail", "unwrap", "expect", "4core3fmt"];
 
-/// Stack of an estimate, bytes, with its workspace for 16 keypoints and its tables: 22 kB where it was measured.
+/// Stack of an estimate, bytes, with its workspace for 16 keypoints and its tables: 22 and 25 kB on the two boards.
 const MOST_STACK: u64 = 32_768;
 
 /// The emulator of a board, for each target.

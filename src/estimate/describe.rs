@@ -82,10 +82,12 @@ impl Estimate {
     }
 }
 
-/// Describes a pose that stands against chance; the residuals go to the caller's workspace.
+/// Describes a pose that stands against chance; the residuals go to the caller's workspace. A call of its own: the
+/// covariances are no part of the stack under the search and the refinement.
 ///
 /// # Errors
 /// It does not, or it has no numbers.
+#[inline(never)]
 pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory) -> Result<Estimate, NoPose> {
     let Verified { refined, solver, ransac, noise, log10_nfa } = verified;
     let (state, threshold) = (&refined.state, object.inlier_threshold);
