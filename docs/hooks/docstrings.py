@@ -20,7 +20,7 @@ _GROUP = re.compile(
 _ERRORS = re.compile(r"^    (?P<names>\w+Error(?:, \w+Error)*) (?P<text>[^:]*)$")
 _SECOND = re.compile(r"(?<=\. )(?P<name>[a-z_]\w*(?:, \w+)*|[A-Z]\w+Error): (?=\S)")
 _SESSION = re.compile(r"^(?P<indent> *)>>> .*(?:\n(?P=indent)\S.*)*", re.MULTILINE)
-_PRIVATE = re.compile(r"^_[A-Z]\w*")
+_PRIVATE = re.compile(r"_[A-Z]\w*")
 _SIMPLE = (bool, int, float, str, tuple, type(None))
 
 
@@ -83,13 +83,13 @@ def _each(found: re.Match[str]) -> str:
 
 def _shown(default: Any, owner: griffe.Object) -> Any:
     """The default as text that says what it is."""
-    if default is None or not _PRIVATE.match(str(default)):
+    if default is None or not _PRIVATE.fullmatch(str(default)):
         return default
     try:
         module = importlib.import_module(owner.module.path)
     except ImportError:  # a module of an extra that is not installed here, and so not on the site
         return default
-    value = eval(str(default), vars(module))
+    value = getattr(module, str(default))
     if isinstance(value, _SIMPLE):
         return repr(value).replace("inf", "math.inf") if isinstance(value, float) else repr(value)
     return str(owner.module.members[str(default)].value)
