@@ -25,6 +25,8 @@ STYLES: dict[str, tuple[str, ...]] = {
     class_name: tuple(fractions) for class_name, fractions in _FREQUENCIES.items()
 }
 """Styles of each class."""
+STYLE_NAMES: tuple[str, ...] = tuple(style for styles in STYLES.values() for style in styles)
+"""The styles of all classes."""
 _BUILDERS: dict[str, ModuleType] = {"car": car, "van_bus": van_bus, "pickup": pickup, "box_truck": box_truck}
 
 

@@ -72,6 +72,7 @@ class AugmentConfig:
         sharpen: probability of sharpening with halos.
         noise: probability of sensor noise.
         shade: probability of uneven light over the crop (shadows of trees, glare).
+        cover: probability of a plain thing in front of a part of the crop.
     """
 
     box_noise: float = 0.03
@@ -85,6 +86,7 @@ class AugmentConfig:
     sharpen: float = 0.3
     noise: float = 0.6
     shade: float = 0.4
+    cover: float = 0.2
 
 
 PLAIN = AugmentConfig(
@@ -96,6 +98,7 @@ PLAIN = AugmentConfig(
     sharpen=0.0,
     noise=0.0,
     shade=0.0,
+    cover=0.0,
 )
 """Mirror images, small shifts and small changes of colour; the paper mentions no others."""
 
@@ -110,10 +113,14 @@ class TrainConfig:
         optimizer: "adam" (weight decay in the gradient, as the paper's) or "adamw".
         schedule: "cosine" (after a 2 % linear warm-up) or "steps" (divided by 10 at 2/3 and 8/9 of the run).
         learning_rate, weight_decay: of the optimizer.
+        clip: largest norm of the gradient; None: any.
+        average: weight of the past in the moving average of the weights, which is the network that is
+            evaluated and exported; 0: the weights themselves.
         sigma_cells: standard deviation of the target Gaussian of heat maps, cells.
-        cross_entropy, distance, classes: weights of the three losses.
+        cross_entropy, distance, places, classes, vehicle, viewing_angle, size, style: weights of the losses,
+            see `groundpose.lab.training.losses.Loss`.
         hidden_weight: weight of a keypoint hidden by the vehicle itself or by another; visible ones have 1.
-        bf16: bfloat16 arithmetic where the CPU has avx512_bf16.
+        bf16: bfloat16 arithmetic on a GPU, or where the CPU has avx512_bf16.
         seed: of weights, order and changes of crops.
     """
 
@@ -124,10 +131,17 @@ class TrainConfig:
     schedule: str = "cosine"
     learning_rate: float = 2e-3
     weight_decay: float = 0.02
+    clip: float | None = 5.0
+    average: float = 0.9995
     sigma_cells: float = 1.0
     cross_entropy: float = 0.1
     distance: float = 4.0
+    places: float = 0.02
     classes: float = 0.1
+    vehicle: float = 0.1
+    viewing_angle: float = 0.05
+    size: float = 0.02
+    style: float = 0.02
     hidden_weight: float = 0.5
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     bf16: bool = True
@@ -143,6 +157,8 @@ def _paper(network: str) -> TrainConfig:
         schedule="steps",
         learning_rate=1e-3,
         weight_decay=1e-4,
+        clip=None,
+        average=0.0,
         augment=PLAIN,
         bf16=False,
     )
@@ -151,7 +167,9 @@ def _paper(network: str) -> TrainConfig:
 CONFIGS: dict[str, TrainConfig] = {
     **{f"{name}-paper": _paper(name) for name, network in NETWORKS.items() if network.gmac is not None},
     **{name: TrainConfig(name) for name in NETWORKS if name != "toy"},
-    "smoke": TrainConfig("toy", epochs=15, batch=16, learning_rate=5e-3, augment=PLAIN, bf16=False),
+    "smoke": TrainConfig(
+        "toy", epochs=15, batch=16, learning_rate=5e-3, average=0.0, augment=PLAIN, bf16=False
+    ),
 }
 """By name: the networks with our recipe, the paper's four with its recipe, and a tiny one for tests."""
 

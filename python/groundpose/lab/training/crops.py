@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from groundpose._checks import FloatArray, input_error
 from groundpose.keypoints.codec import MARGIN, ByteArray, Codec
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS, keypoint_indices
 
-VERSION = 1
+VERSION = 2
 STORED = Codec(160, 120, margin=0.5 * (1.25 * (1.0 + 2.0 * MARGIN) - 1.0))
 """Codec of stored crops: 1.25 times the window of a network's crop, at the pixel size of 128 x 96."""
 
@@ -35,15 +35,23 @@ LABEL = np.dtype(
     [
         ("keypoints", "<f4", (len(KEYPOINTS), 2)),  # image pixels, NaN = not a keypoint of this class
         ("state", "u1", (len(KEYPOINTS),)),  # OUTSIDE, HIDDEN or VISIBLE of `groundpose.lab.drive`
-        ("kind", "u1"),  # index into CLASSES
+        ("kind", "u1"),  # index into CLASSES, or NOTHING
         ("box", "<f4", (4,)),  # left, top, right, bottom, image pixels, cut as a detector's
         ("window", "<f8", (4,)),  # part of the image in the stored crop, image pixels
         ("image_size", "<i4", (2,)),  # width, height; a crop has no picture outside the image
         ("frame", "<i8"),
         ("object", "<i4"),  # frame and object number in the source, to find the scene
         ("occluded", "<f4"),  # fraction hidden by others, 0 to 1
+        ("truncation", "<f4"),  # fraction outside the image, 0 to 1
+        ("alpha", "<f4"),  # KITTI's viewing angle, radians; NaN = unknown, or nothing there
+        ("size", "<f4", (3,)),  # length, height, width, metres; NaN = unknown
+        ("style", "u1"),  # index into `groundpose.lab.bodies.STYLE_NAMES`, or NO_STYLE
+        ("camera", "<f4", (4,)),  # height in metres, pitch and roll in radians, focal length fx in pixels
     ]
 )
+NOTHING = len(CLASSES)
+"""The `kind` of a crop without a vehicle."""
+NO_STYLE = 255
 
 Records = NDArray[np.void]
 
@@ -73,16 +81,36 @@ def record(
     image_size: tuple[int, int],
     frame: int,
     index: int,
-    occluded: float = 0.0,
+    **known: ArrayLike,
 ) -> Records:
-    """A record of `LABEL` from the keypoints (P, 2) and states (P,) of a vehicle of class `class_name`."""
-    made = np.zeros((), dtype=LABEL)
+    """A record of `LABEL` from the keypoints (P, 2) and states (P,) of a vehicle of class `class_name`.
+
+    `known`: other fields of `LABEL`; those left out are unknown (`occluded` and `truncation`: 0).
+    """
+    made = nothing_record(box=box, window=window, image_size=image_size, frame=frame, index=index, **known)
     rows = keypoint_indices(class_name)
-    made["keypoints"] = np.nan
-    made["keypoints"][rows] = keypoints
-    made["state"][rows] = state
-    made["kind"], made["box"], made["window"] = CLASSES.index(class_name), box, window
-    made["image_size"], made["frame"], made["object"], made["occluded"] = image_size, frame, index, occluded
+    made["keypoints"][rows], made["state"][rows] = keypoints, state
+    made["kind"] = CLASSES.index(class_name)
+    return made
+
+
+def nothing_record(
+    *,
+    box: FloatArray,
+    window: FloatArray,
+    image_size: tuple[int, int],
+    frame: int,
+    index: int,
+    **known: ArrayLike,
+) -> Records:
+    """A record of `LABEL` of a box without a vehicle; `known`: other fields of `LABEL`."""
+    made = np.zeros((), dtype=LABEL)
+    made["keypoints"], made["alpha"], made["size"], made["camera"] = np.nan, np.nan, np.nan, np.nan
+    made["kind"], made["style"] = NOTHING, NO_STYLE
+    made["box"], made["window"], made["image_size"] = box, window, image_size
+    made["frame"], made["object"] = frame, index
+    for name, value in known.items():
+        made[name] = value
     return made
 
 

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
 from groundpose.keypoints.codec import ByteArray, Codec
-from groundpose.keypoints.decode import Calibration, Detections
+from groundpose.keypoints.decode import VIEWING_ANGLES, Calibration, Detections
 from groundpose.lab.drive import HIDDEN, VISIBLE
 from groundpose.lab.metrics import RELATIVE_THRESHOLD
-from groundpose.lab.training.crops import Crops, Records
+from groundpose.lab.training.crops import NOTHING, Crops, Records
+from groundpose.vehicles.classes import CLASSES
+from groundpose.vehicles.keypoints import keypoint_indices
 
 Detect = Callable[[ByteArray], Detections]
 """Function from crops (N, height, width, 3) to detections: a trained torch network or an exported one."""
@@ -53,9 +55,21 @@ class Answers:
         names = self.detections.__dataclass_fields__
         return Answers(Detections(*(getattr(self.detections, name)[rows] for name in names)), **chosen)
 
+    @property
+    def vehicles(self) -> NDArray[np.bool_]:
+        """(M,): whether there is a vehicle."""
+        return np.asarray(self.labels["kind"] != NOTHING)
+
     def calibration(self) -> Calibration:
-        """Calibration of scores to the probability of a good keypoint; fit it on a split not evaluated."""
-        return Calibration.fit(self.detections, self.sides_in_crop, self.good, ~np.isnan(self.errors))
+        """Calibration of scores to the probability of a good keypoint; fit it on a split not evaluated.
+
+        Where nothing is there, the keypoints of the class found are all wrong.
+        """
+        shown = ~np.isnan(self.errors)
+        found = self.detections.class_probabilities.argmax(axis=1)
+        for i in np.flatnonzero(~self.vehicles):
+            shown[i, keypoint_indices(CLASSES[found[i]])] = True
+        return Calibration.fit(self.detections, self.sides_in_crop, self.good, shown)
 
     def metrics(self, calibration: Calibration | None = None) -> dict[str, float]:
         """Metrics by name: errors in pixels of the original image, fractions from 0 to 1."""
@@ -73,9 +87,31 @@ class Answers:
                 numbers["within" + name] = float(good[chosen].mean())
                 numbers["error_px" + name] = float(self.errors[chosen].mean())
                 numbers["error_share" + name] = float(relative[chosen].mean())
-        own, classes = named[""], self.detections.class_probabilities.argmax(axis=1)
-        numbers["class_accuracy"] = float((classes == self.labels["kind"]).mean())
-        return numbers | _ranking(scores[own], good[own])
+        own, vehicles = named[""], self.vehicles
+        right = self.detections.class_probabilities.argmax(axis=1) == self.labels["kind"]
+        numbers["class_accuracy"] = float(right[vehicles].mean())
+        return numbers | self._vehicle_or_nothing() | self._viewing_angles() | _ranking(scores[own], good[own])
+
+    def _vehicle_or_nothing(self, threshold: float = 0.5) -> dict[str, float]:
+        """Fractions of vehicles called nothing, and of boxes without one called a vehicle."""
+        said, vehicles = self.detections.vehicle >= threshold, self.vehicles
+        numbers = {"vehicles_missed": float((~said[vehicles]).mean())}
+        if not vehicles.all():
+            numbers["nothing_taken"] = float(said[~vehicles].mean())
+        return numbers
+
+    def _viewing_angles(self) -> dict[str, float]:
+        """Fraction of vehicles whose likeliest viewing angle is more than 90 degrees wrong; median error."""
+        probabilities, alpha = self.detections.viewing_angle, self.labels["alpha"].astype(np.float64)
+        known = np.isfinite(alpha) & np.isfinite(probabilities).all(axis=1)
+        if not known.any():
+            return {}
+        found = probabilities[known].argmax(axis=1) * (2.0 * np.pi / VIEWING_ANGLES)
+        error = np.abs((found - alpha[known] + np.pi) % (2.0 * np.pi) - np.pi)
+        return {
+            "viewing_angle_turned": float((error > 0.5 * np.pi).mean()),
+            "viewing_angle_error_deg": float(np.degrees(np.median(error))),
+        }
 
 
 def inside_image(labels: Records) -> NDArray[np.bool_]:

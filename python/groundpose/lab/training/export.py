@@ -30,7 +30,7 @@ QUANTISED = ("Conv", "ConvTranspose", "Add", "Relu", "Resize", "MaxPool")
 
 
 class _Graph(nn.Module):
-    """The exported function: bytes (N, height, width, 3) to the four outputs."""
+    """The exported function: bytes (N, height, width, 3) to the outputs."""
 
     def __init__(self, network: KeypointNetwork, mirrored: bool) -> None:
         super().__init__()
@@ -64,7 +64,7 @@ def export(
             _Graph(network, mirrored).eval(),
             (example,),
             input_names=["crops"],
-            output_names=list(OUTPUTS),
+            output_names=list(OUTPUTS[FORMAT_VERSION]),
             dynamic_shapes={"crops": {0: torch.export.Dim("N")}},
             opset_version=OPSET,
             dynamo=True,
@@ -142,6 +142,7 @@ def quantise(path: Path, out: Path, crops: ByteArray) -> None:
             reduce_range=True,  # 7 bits, because 8 bits overflow the 16-bit sums of processors without VNNI
         )
     model = onnx.load(str(out))
+    _halve(model)  # what is left in float32
     _describe(model, {**said, "weights": "int8"})
     onnx.save(model, str(out))
 

@@ -7,6 +7,7 @@ that was not interrupted.
 from __future__ import annotations
 
 import contextlib
+import copy
 import itertools
 import math
 import os
@@ -27,15 +28,19 @@ from groundpose.keypoints.decode import Detections
 from groundpose.lab.training.batches import Batch, Batcher
 from groundpose.lab.training.configs import NETWORKS, AugmentConfig, TrainConfig
 from groundpose.lab.training.crops import Crops
+from groundpose.lab.training.device import finish, has_bf16, pictures_on
 from groundpose.lab.training.evaluate import Answers, answers
 from groundpose.lab.training.log import MetricsLog, Progress
 from groundpose.lab.training.losses import Loss, Losses
 from groundpose.lab.training.networks import KeypointNetwork, folded
+from groundpose.lab.training.weights import CHECKPOINT, load_into, read_weights, write_weights
 
-CHECKPOINT = "checkpoint.pt"
 _ORDER, _STEP = 1, 2  # streams of random numbers
 _COSTS = {"steps": "step", "seconds": "seconds"}
-_NOTHING_BEFORE = {"steps": 0, "seconds": 0.0}
+_AVERAGED_EVERY = 4  # steps
+_REPORTS = 1000  # of a run
+_FITTED_EVERY = 50  # steps after which a run that has to end in time counts its steps anew
+_CPU = torch.device("cpu")
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,13 @@ _NO_LIMITS = Limits()
 
 
 class Trainer:
-    """A training run in a folder: its network, optimizer and step."""
+    """A training run in a folder: its network, optimizer and step.
+
+    Attributes:
+        network: as it is trained. averaged: the moving average of its weights, which is evaluated and kept;
+            the same network without an average.
+        step, steps: done, and in all. seconds: spent.
+    """
 
     def __init__(
         self,
@@ -69,6 +80,8 @@ class Trainer:
         *,
         workers: int = 0,
         initial: Path | None = None,
+        device: torch.device = _CPU,
+        fit_minutes: float | None = None,
     ) -> None:
         """Start a run, or resume it from the folder's checkpoint.
 
@@ -77,27 +90,35 @@ class Trainer:
             data: folder of crops with splits train and validation.
             folder: of the run; made if missing.
             workers: threads that prepare batches during training (0: none); they do not change the batches.
-            initial: folder of a run of the same network whose weights to start from; None: random weights.
+            initial: folder of a run of the same network, or of kept weights, to start from; None: random
+                weights.
+            device: where to train. A checkpoint can be resumed on another one.
+            fit_minutes: the number of steps is chosen so that the whole run takes this time, counting earlier
+                calls, whatever the configuration's epochs; None: by epochs.
 
         Raises:
             InputError: the folder holds a run of another configuration; the data are not crops; the initial
                 run is of another network.
         """
-        self.config, self.folder, self._workers = config, folder, workers
+        self.config, self.folder, self.device = config, folder, device
+        self._workers, self._fit_seconds = workers, None if fit_minutes is None else 60.0 * fit_minutes
         network = NETWORKS[config.network]
         self.codec = Codec(network.width, network.height)
         self.crops = Crops(data, "train")
+        self._pictures = pictures_on(device, self.crops)
         self._data = data
         torch.manual_seed(config.seed)
-        self.network = KeypointNetwork(network).to(memory_format=torch.channels_last)
+        self.network = KeypointNetwork(network).to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.averaged = copy.deepcopy(self.network) if config.average > 0.0 else self.network
         self._loss = Loss(self.network, self.codec, config)
-        self._batcher = Batcher(self.codec, self.crops.codec, config.augment)
+        self._batcher = Batcher(self.codec, self.crops.codec, config.augment, device)
         self.optimizer = _optimizer(self.network, config)
         self.steps = max(1, math.ceil(config.epochs * len(self.crops) / config.batch))
         self.step, self.seconds = 0, 0.0
-        self.before: dict[str, float] = dict(_NOTHING_BEFORE)
+        self.before: dict[str, float] = {name: 0 for name in _COSTS}
+        self._spent = 0.0  # seconds of earlier calls
         self._orders: dict[int, NDArray[np.intp]] = {}
-        self._bf16 = config.bf16 and has_bf16()
+        self._bf16 = config.bf16 and has_bf16(device)
         folder.mkdir(parents=True, exist_ok=True)
         if (folder / CHECKPOINT).exists():
             self._load()
@@ -108,37 +129,54 @@ class Trainer:
         self, limits: Limits = _NO_LIMITS, tell: Callable[[Progress], None] = lambda progress: None
     ) -> bool:
         """Train to the end or to a limit; returns whether the end is reached. Ctrl-C saves, then raises."""
-        start = saved = before = time.monotonic()
-        every = max(1, self.steps // max(limits.evaluations, 1))
+        start = saved = before = reported = time.monotonic()
+        first = last = self.step
         try:
             with MetricsLog(self.folder, self.step) as log, self._batches() as batches:
                 for batch in batches:
                     losses = self._train(batch)
+                    judged = self._due(limits.evaluations)
+                    if told := judged or self._due(_REPORTS):
+                        finish(self.device)
                     now = time.monotonic()
                     self.seconds += now - before
-                    rate = len(batch.labels) / (now - before)
-                    judged = self.step == self.steps or self.step % every == 0
-                    metrics = self.validate(limits.validation).metrics() if judged else {}
-                    parts = {name: float(value.detach()) for name, value in losses._asdict().items()}
-                    progress = Progress(self.step, self.steps, parts, rate, metrics)
-                    log.write(progress)
-                    tell(progress)
+                    if told:
+                        rate = (self.step - last) * self.config.batch / (now - reported)
+                        metrics = self.validate(limits.validation).metrics() if judged else {}
+                        parts = {name: float(value.detach()) for name, value in losses._asdict().items()}
+                        progress = Progress(self.step, self.steps, parts, rate, metrics)
+                        log.write(progress)
+                        tell(progress)
+                        reported, last = time.monotonic(), self.step
                     before = time.monotonic()
                     if before - saved > 60.0 * limits.save_minutes:
                         self.save()
                         saved = before
                     if limits.minutes is not None and before - start > 60.0 * limits.minutes:
                         break
+                    self._fit_steps(self.step - first, before - start)
         finally:
             self.save()
         return self.step == self.steps
 
+    def _due(self, times: int) -> bool:
+        """Whether this is one of `times` steps of the run, or the last."""
+        return self.step == self.steps or self.step % max(1, self.steps // max(times, 1)) == 0
+
+    def _fit_steps(self, done: int, seconds: float) -> None:
+        """Choose the number of steps for the time left, from the steps done in this call and their time."""
+        if self._fit_seconds is None or done % _FITTED_EVERY != 0:
+            return
+        left = self._fit_seconds - self._spent - seconds
+        self.steps = self.step + max(0, int(left * done / seconds))
+
     def validate(self, limit: int | None = None, split: str = "validation") -> Answers:
         """The current network's answers on (the first `limit`) held-out crops."""
-        return answers(detector(self.network), Crops(self._data, split, limit), self.codec)
+        return answers(detector(self.averaged), Crops(self._data, split, limit), self.codec)
 
     def save(self) -> None:
-        """Write the checkpoint under a temporary name and rename it when it is complete."""
+        """Write the checkpoint under a temporary name and rename it when it is complete; at the end of the
+        run also the weights alone."""
         content = {
             "config": asdict(self.config),
             "data": self.crops.index,
@@ -146,32 +184,39 @@ class Trainer:
             "steps": self.steps,
             "seconds": self.seconds,
             "before": self.before,
-            "network": self.network.state_dict(),
+            "network": self.averaged.state_dict(),
+            "trained": self.network.state_dict() if self.averaged is not self.network else {},
             "optimizer": self.optimizer.state_dict(),
         }
         temporary = self.folder / f"{CHECKPOINT}.tmp{os.getpid()}"
         torch.save(content, temporary)
         temporary.replace(self.folder / CHECKPOINT)
+        if self.step == self.steps:
+            write_weights(self.folder, content)
 
     def _load(self) -> None:
-        content = load_checkpoint(self.folder)
-        if content["config"] != asdict(self.config) or content["steps"] != self.steps:
+        content = read_weights(self.folder)
+        fitted = self._fit_seconds is not None
+        if content["config"] != asdict(self.config) or not (fitted or content["steps"] == self.steps):
             raise input_error(
                 str(self.folder), "an empty folder or a run of this configuration and data", "another"
             )
-        self.step, self.seconds = content["step"], content["seconds"]
+        self.step, self.steps, self.seconds = content["step"], content["steps"], content["seconds"]
         self.before = content["before"]
-        self.network.load_state_dict(content["network"])
+        self.averaged.load_state_dict(content["network"])
+        self.network.load_state_dict(content["trained"] or content["network"])
         self.optimizer.load_state_dict(content["optimizer"])
+        self._spent = self.seconds
 
     def _begin_with(self, initial: Path) -> None:
         """Take the weights of another run and add its cost to the count."""
-        content = load_checkpoint(initial)
+        content = read_weights(initial)
         if content["config"]["network"] != self.config.network:
             raise input_error(
                 str(initial), f"a run of {self.config.network}", repr(content["config"]["network"])
             )
-        self.network.load_state_dict(content["network"])
+        for network in (self.network, self.averaged):
+            load_into(network, content["network"])
         self.before = {name: content["before"][name] + content[now] for name, now in _COSTS.items()}
 
     def _train(self, batch: Batch) -> Losses:
@@ -180,18 +225,34 @@ class Trainer:
             group["lr"] = learning_rate(self.config, self.step, self.steps)
         self.network.train()
         crops = batch.crops.contiguous(memory_format=torch.channels_last)
-        with torch.autocast("cpu", torch.bfloat16, enabled=self._bf16):
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self._bf16):
             raw = self.network(crops)
         losses = self._loss(raw, batch)
         self.optimizer.zero_grad(set_to_none=True)
         losses.total.backward()  # type: ignore[no-untyped-call]
+        if self.config.clip is not None:
+            torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip)
         self.optimizer.step()
         self.step += 1
+        if self.averaged is not self.network and self.step % _AVERAGED_EVERY == 0:
+            self._average()
         return losses
+
+    @torch.no_grad()
+    def _average(self) -> None:
+        """Move the averaged weights towards the trained ones; faster in the beginning, when all is new."""
+        kept = min(self.config.average, (1 + self.step) / (10 + self.step)) ** _AVERAGED_EVERY
+        new = self.network.state_dict()
+        for name, value in self.averaged.state_dict().items():
+            if value.dtype.is_floating_point:
+                value.lerp_(new[name], 1.0 - kept)
+            else:
+                value.copy_(new[name])
 
     def _make(self, step: int) -> Batch:
         """The batch of a step."""
-        images, labels = self.crops.take(self._indices(step))
+        indices = self._indices(step)
+        images, labels = self._pictures(indices), self.crops.labels[indices]
         return self._batcher(images, labels, np.random.default_rng([self.config.seed, _STEP, step]))
 
     def _indices(self, step: int) -> NDArray[np.intp]:
@@ -212,15 +273,15 @@ class Trainer:
     @contextlib.contextmanager
     def _batches(self) -> Iterator[Iterator[Batch]]:
         """The batches from the next step to the last, prepared in advance by the workers."""
-        steps = iter(range(self.step, self.steps))
+        steps = itertools.count(self.step)
         if self._workers == 0:
-            yield map(self._make, steps)
+            yield (self._make(step) for step in itertools.takewhile(lambda _: self.step < self.steps, steps))
             return
         with ThreadPoolExecutor(self._workers) as pool:
             waiting = [pool.submit(self._make, step) for step in itertools.islice(steps, 2 * self._workers)]
 
             def ready() -> Iterator[Batch]:
-                while waiting:
+                while self.step < self.steps:
                     yield waiting.pop(0).result()
                     waiting.extend(pool.submit(self._make, step) for step in itertools.islice(steps, 1))
 
@@ -230,16 +291,6 @@ class Trainer:
                 pool.shutdown(cancel_futures=True)
 
 
-def load_checkpoint(folder: Path) -> dict[str, Any]:
-    """The checkpoint of a run. Raises InputError when there is none."""
-    path = folder / CHECKPOINT
-    if not path.exists():
-        raise input_error(str(folder), f"a training run ({CHECKPOINT})", "none")
-    content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    # older checkpoints lack this entry
-    return {"before": dict(_NOTHING_BEFORE)} | content
-
-
 def config_of(content: dict[str, Any]) -> TrainConfig:
     """The configuration with which a checkpoint was trained."""
     return TrainConfig(**{**content["config"], "augment": AugmentConfig(**content["config"]["augment"])})
@@ -247,21 +298,22 @@ def config_of(content: dict[str, Any]) -> TrainConfig:
 
 def trained(folder: Path) -> tuple[KeypointNetwork, TrainConfig, dict[str, Any]]:
     """Network for inference, configuration and checkpoint of a run."""
-    content = load_checkpoint(folder)
+    content = read_weights(folder)
     config = config_of(content)
     network = KeypointNetwork(NETWORKS[config.network])
-    network.load_state_dict(content["network"])
+    load_into(network, content["network"])
     return folded(network), config, content
 
 
 def detector(network: KeypointNetwork, mirrored: bool = False) -> Callable[[ByteArray], Detections]:
     """Function that applies the current network as an exported one is applied."""
+    where = network.cell_x.device
 
     def detect(crops: ByteArray) -> Detections:
         network.eval()
         with torch.no_grad():
-            decoded = network.detect(torch.from_numpy(crops), mirrored)
-        return Detections(*(value.double().numpy() for value in decoded))
+            decoded = network.detect(torch.from_numpy(crops).to(where), mirrored)
+        return Detections(*(value.double().cpu().numpy() for value in decoded))
 
     return detect
 
@@ -273,14 +325,6 @@ def learning_rate(config: TrainConfig, step: int, steps: int) -> float:
         return config.learning_rate * 0.1 ** ((fraction >= 60 / 90) + (fraction >= 80 / 90))
     warm = min(1.0, (step + 1) / max(1.0, 0.02 * steps))
     return config.learning_rate * warm * 0.5 * (1.0 + math.cos(math.pi * fraction))
-
-
-def has_bf16() -> bool:
-    """Whether this processor multiplies bfloat16; emulation would be slower than float32."""
-    try:
-        return "avx512_bf16" in Path("/proc/cpuinfo").read_text()
-    except OSError:
-        return False
 
 
 def _optimizer(network: KeypointNetwork, config: TrainConfig) -> torch.optim.Optimizer:

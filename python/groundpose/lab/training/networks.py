@@ -1,4 +1,4 @@
-"""The networks in PyTorch: a residual backbone, heat maps and a class; softargmax inside the graph."""
+"""The networks in PyTorch: a residual backbone, heat maps, class and more; decoding inside the graph."""
 
 from __future__ import annotations
 
@@ -12,29 +12,44 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from groundpose.keypoints.codec import MEAN, STD, crop_from_cell
+from groundpose.keypoints.decode import VIEWING_ANGLES
+from groundpose.lab.bodies import STYLE_NAMES
 from groundpose.lab.training.configs import NetworkConfig
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS, flip_indices
 
 
+_HIDDEN = 256  # width of the layers before the small heads
+
+
 class Raw(NamedTuple):
-    """Output of a network before decoding: maps (N, K, h, w) and class logits (N, 4)."""
+    """Output of a network before decoding, for N crops and K keypoints.
+
+    maps (N, K, h, w); classes (N, C) logits; vehicle (N,) logit; viewing_angle (N, 16) logits; size (N, 6)
+    means of log length, height, width (metres) and logs of their standard deviations; style (N, S) logits;
+    place (N, K, 2) of the keypoints from the crop's middle, fractions of its sides, and place_scale (N, K),
+    the log of their mean absolute error.
+    """
 
     maps: Tensor
-    logits: Tensor
+    classes: Tensor
+    vehicle: Tensor
+    viewing_angle: Tensor
+    size: Tensor
+    style: Tensor
+    place: Tensor
+    place_scale: Tensor
 
 
 class Decoded(NamedTuple):
-    """Decoded output of a network for N crops.
-
-    keypoints (N, K, 2) crop pixels; spread (N, K) crop pixels, the standard deviation of the map read as a
-    distribution; peak (N, K) its largest cell, 0 to 1; class_probabilities (N, 4).
-    """
+    """Decoded output of a network for N crops; see `groundpose.keypoints.decode.Detections`."""
 
     keypoints: Tensor
     spread: Tensor
     peak: Tensor
     class_probabilities: Tensor
+    vehicle: Tensor
+    viewing_angle: Tensor
 
 
 class ConvNorm(nn.Module):
@@ -136,11 +151,42 @@ class PyramidHead(nn.Module):
 _HEADS = {"deconv": DeconvHead, "fpn": PyramidHead}
 
 
+class Extras(nn.Module):
+    """What is read from the last stage beside the class: vehicle or nothing, viewing angle, size, style, and
+    the places of all keypoints, in the crop or not."""
+
+    def __init__(self, channels: int, cells: int) -> None:
+        """`channels` and `cells` of the last stage."""
+        super().__init__()
+        self.whole = nn.Sequential(nn.Linear(channels, _HIDDEN), nn.ReLU())
+        self.vehicle = nn.Linear(_HIDDEN, 1)
+        self.viewing_angle = nn.Linear(_HIDDEN, VIEWING_ANGLES)
+        self.size = nn.Linear(_HIDDEN, 6)
+        self.style = nn.Linear(_HIDDEN, len(STYLE_NAMES))
+        narrow = 32
+        self.cells = nn.Sequential(
+            nn.Conv2d(channels, narrow, 1), nn.ReLU(), nn.Flatten(),
+            nn.Linear(narrow * cells, _HIDDEN), nn.ReLU(),
+        )  # fmt: skip
+        self.place = nn.Linear(_HIDDEN, 3 * len(KEYPOINTS))
+
+    def forward(self, stage: Tensor) -> tuple[Tensor, ...]:
+        """The fields of `Raw` from `vehicle` on."""
+        whole = self.whole(stage.mean(dim=(2, 3)))
+        place = self.place(self.cells(stage)).unflatten(1, (len(KEYPOINTS), 3))
+        return (
+            self.vehicle(whole)[:, 0], self.viewing_angle(whole), self.size(whole), self.style(whole),
+            place[..., :2], place[..., 2],
+        )  # fmt: skip
+
+
 class KeypointNetwork(nn.Module):
-    """Backbone and two heads of a `NetworkConfig`."""
+    """Backbone and heads of a `NetworkConfig`."""
 
     cell_x: Tensor
     partner: Tensor
+    opposite: Tensor
+    sides: Tensor
     cell_y: Tensor
     mean: Tensor
     std: Tensor
@@ -168,11 +214,17 @@ class KeypointNetwork(nn.Module):
         self.stages = nn.ModuleList(stages)
         self.head: nn.Module = _HEADS[config.head](channels, config.head_widths, len(KEYPOINTS))
         self.classes = nn.Linear(channels[-1], len(CLASSES))
+        self.extras = Extras(channels[-1], (config.height // 32) * (config.width // 32))
         self.stride = 4.0 if config.head == "fpn" else 32.0 / 2 ** len(config.head_widths)
         for name, pixels in (("cell_x", config.width), ("cell_y", config.height)):
             centres = crop_from_cell(np.arange(pixels / self.stride), self.stride)
             self.register_buffer(name, torch.tensor(centres, dtype=torch.float32), persistent=False)
         self.register_buffer("partner", torch.from_numpy(flip_indices()), persistent=False)
+        # the bin of alpha as seen in a mirror: pi - alpha
+        opposite = (VIEWING_ANGLES // 2 - torch.arange(VIEWING_ANGLES)) % VIEWING_ANGLES
+        self.register_buffer("opposite", opposite, persistent=False)
+        sides = torch.tensor([config.width, config.height], dtype=torch.float32)
+        self.register_buffer("sides", sides, persistent=False)
         self.register_buffer("mean", torch.tensor(MEAN).reshape(1, 3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(STD).reshape(1, 3, 1, 1), persistent=False)
 
@@ -186,7 +238,21 @@ class KeypointNetwork(nn.Module):
         for stage in self.stages:
             x = stage(x)
             stages.append(x)
-        return Raw(self.head(stages), self.classes(x.mean(dim=(2, 3))))
+        return Raw(self.head(stages), self.classes(x.mean(dim=(2, 3))), *self.extras(x))
+
+    def _unmirrored(self, raw: Raw) -> Raw:
+        """What the output for mirror images says of the pictures themselves."""
+        place = raw.place * torch.tensor([-1.0, 1.0], device=raw.place.device)
+        return raw._replace(
+            maps=raw.maps.flip(3)[:, self.partner],
+            viewing_angle=raw.viewing_angle[:, self.opposite],
+            place=place[:, self.partner],
+            place_scale=raw.place_scale[:, self.partner],
+        )
+
+    def places(self, raw: Raw) -> Tensor:
+        """Directly stated places (N, K, 2) of the keypoints, crop pixels."""
+        return (raw.place.float() + 0.5) * self.sides - 0.5
 
     def detect(self, pictures: Tensor, mirrored: bool = False) -> Decoded:
         """The decoded output for bytes (N, height, width, 3), the layout used for inference.
@@ -199,24 +265,35 @@ class KeypointNetwork(nn.Module):
         x = ((pictures.float().flatten(2) - mean) / std).unflatten(2, (row, 3)).permute(0, 3, 1, 2)
         raw = self._raw(x)
         if mirrored:
-            other = self._raw(x.flip(3))
-            maps = other.maps.flip(3)[:, self.partner]
-            raw = Raw(0.5 * (raw.maps + maps), 0.5 * (raw.logits + other.logits))
+            other = self._unmirrored(self._raw(x.flip(3)))
+            raw = Raw(*(0.5 * (a + b) for a, b in zip(raw, other, strict=True)))
         return self.decode(raw)
 
     def decode(self, raw: Raw) -> Decoded:
-        """Softargmax near the map's peak, the spread of the whole map, and its peak.
+        """Keypoints in the crop from their heat maps: softargmax near the map's peak, the spread of the whole
+        map, and its peak. Keypoints outside the crop, where no map reaches, as stated directly; peak 1.
 
         For a map with two peaks (front or back, left or right wheel) this is the place of the higher one; the
         mean of both would be at neither. The spread is then large.
         """
         weights = raw.maps.flatten(2).softmax(dim=2).unflatten(2, raw.maps.shape[2:])
-        peak, place = weights.flatten(2).max(dim=2)
+        peak, cell = weights.flatten(2).max(dim=2)
         columns = len(self.cell_x)
-        x, variance_x = self._place(weights.sum(dim=2), self.cell_x, place % columns)
-        y, variance_y = self._place(weights.sum(dim=3), self.cell_y, place // columns)
+        x, variance_x = self._place(weights.sum(dim=2), self.cell_x, cell % columns)
+        y, variance_y = self._place(weights.sum(dim=3), self.cell_y, cell // columns)
         spread = (variance_x + variance_y).sqrt()
-        return Decoded(torch.stack([x, y], dim=2), spread, peak, raw.logits.softmax(dim=1))
+        places = self.places(raw)
+        outside = ((places < -0.5) | (places > self.sides - 0.5)).any(dim=2)
+        # a Laplace distribution of scale b has a variance of 2 b^2 along each axis
+        stated = raw.place_scale.float().exp() * (2.0 * (self.sides**2).sum()).sqrt()
+        return Decoded(
+            torch.where(outside[..., None], places, torch.stack([x, y], dim=2)),
+            torch.where(outside, stated, spread),
+            torch.where(outside, torch.ones_like(peak), peak),
+            raw.classes.softmax(dim=1),
+            raw.vehicle.sigmoid(),
+            raw.viewing_angle.softmax(dim=1),
+        )
 
     def _place(self, weights: Tensor, cells: Tensor, peak: Tensor) -> tuple[Tensor, Tensor]:
         """Along one axis the mean of the cells near the peak, and the variance of all, from weights (N, K,
