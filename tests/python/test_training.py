@@ -23,6 +23,7 @@ from groundpose.lab.training import (  # noqa: E402
     crops,
     device,
     heat_maps,
+    in_time,
     loop,
     networks,
     release,
@@ -386,7 +387,9 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(tmp_path, data):
     assert any(row[1] == "class_accuracy" for row in rows[0])
     with pytest.raises(gp.InputError, match="run of this configuration"):
         loop.Trainer(configs.changed(SMALL, seed=1), data, tmp_path / "a")
-    with pytest.raises(gp.InputError, match=r"expected a training run \(checkpoint.pt\) or weights .*got none"):
+    with pytest.raises(
+        gp.InputError, match=r"expected a training run \(checkpoint.pt\) or weights .*got none"
+    ):
         loop.trained(tmp_path / "none")
 
 
@@ -523,3 +526,16 @@ def test_with_mirror_images_a_mirrored_crop_has_the_mirrored_answer():
     np.testing.assert_allclose(back.keypoints, expected, atol=1e-3)
     np.testing.assert_allclose(back.spread, there.spread[:, flip_indices()], atol=1e-3)
     np.testing.assert_allclose(back.class_probabilities, there.class_probabilities, atol=1e-5)
+
+
+def test_rendering_and_training_end_in_time(tmp_path):
+    """The times are counted over calls, so a stopped call is resumed."""
+    told = []
+    plan = in_time.Plan(tmp_path, toy_samples, 0.2, 1)
+    left = in_time.render(plan, lambda split, shards: told.append((split, shards)))
+    assert 0.05 < left <= 0.5 * 0.2 + 0.01
+    assert [split for split in dict.fromkeys(split for split, _ in told)] == list(in_time.FRACTIONS)
+    assert len(crops.Crops(tmp_path, "train")) > len(crops.Crops(tmp_path, "validation")) > 0
+    shards = len(list(tmp_path.glob("*-labels.npy")))
+    assert in_time.render(plan) == pytest.approx(left, abs=0.02)
+    assert len(list(tmp_path.glob("*-labels.npy"))) == shards

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from groundpose.lab.training.loop import Trainer
 
 _SHOWN = ("within_visible", "within_hidden", "error_px_visible", "class_accuracy", "score_auc")
+_DEVICE = "Where to compute: auto (a GPU where there is one), cpu or cuda."
 _SMOKE_FRAMES = {"train": 320, "validation": 96, "test": 96}
 
 
@@ -105,16 +106,36 @@ def train(
     initial: Annotated[
         Path | None, typer.Option(help="Start from the weights of this run of the same network.")
     ] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads for training.")] = 1,
-    workers: Annotated[int, typer.Option(min=0, help="Threads that prepare batches.")] = 0,
+    threads: Annotated[int, typer.Option(min=1, help="Threads for training on a CPU.")] = 1,
+    workers: Annotated[int, typer.Option(min=0, help="Threads that prepare batches.")] = 1,
+    device: Annotated[str, typer.Option(help=_DEVICE)] = "auto",
+    fit: Annotated[
+        float | None,
+        typer.Option(
+            "--fit-minutes", help="Choose the number of steps so that the run ends after this time."
+        ),
+    ] = None,
+    render: Annotated[
+        bool,
+        typer.Option(
+            "--render", help="First render crops into the data folder, in half of [bold]--minutes[/bold]."
+        ),
+    ] = False,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Processes that render; default: one per core.")
+    ] = None,
 ) -> None:
     """Train a keypoint network, or resume from the folder's checkpoint.
 
-    [bold]smoke[/bold] needs no data: it paints its own crops, trains, exports and prints the accuracy.
+    With [bold]--render --minutes M[/bold] it renders crops and trains in one go that ends after M minutes;
+    the same command resumes it. [bold]smoke[/bold] needs no data: it paints its own crops, trains, exports
+    and prints the accuracy. At the end the weights are kept in RUN/weights-*.npz, at most 16 MB each.
 
     [bold]Examples[/bold]
 
       groundpose train smoke -o /tmp/smoke
+
+      groundpose train lite48 --device cuda --render --minutes 9.5 -o runs/lite48
 
       groundpose train lite32 --data data/crops --set epochs=40 --set seed=1 --threads 2
 
@@ -133,12 +154,25 @@ def train(
         folder = out or Path("runs") / config
         if config == "smoke":
             data = _toy_crops(folder / "crops")
+        if render:
+            if minutes is None:
+                raise InputError("--render: expected --minutes M with it, got none")
+            fit, minutes = _render(data, minutes, jobs, device), None
         import torch
 
+        from groundpose.lab.training.device import device as device_named
         from groundpose.lab.training.loop import Trainer
 
         torch.set_num_threads(threads)
-        trainer = Trainer(wanted, data, folder, workers=workers, initial=initial)
+        trainer = Trainer(
+            wanted,
+            data,
+            folder,
+            workers=workers,
+            initial=initial,
+            device=device_named(device),
+            fit_minutes=fit,
+        )
         ended = _train(trainer, minutes)
         if ended and config == "smoke":
             export(folder, folder / "smoke.onnx", data, folder / "smoke_int8.onnx")
@@ -156,6 +190,7 @@ def export(
         bool, typer.Option(help="Average with the mirror image: twice the time, fewer wrong keypoints.")
     ] = False,
     limit: Annotated[int | None, typer.Option(min=1, help="Largest number of crops to evaluate.")] = None,
+    device: Annotated[str, typer.Option(help=_DEVICE)] = "auto",
 ) -> None:
     """Write a trained network as ONNX with calibrated scores and metadata; print its metrics.
 
@@ -164,11 +199,21 @@ def export(
       groundpose export runs/lite32 -o lite32.onnx --int8 lite32_int8.onnx
     """
     with mistakes(), _extra():
+        from groundpose.lab.training.device import device as device_named
         from groundpose.lab.training.release import release
 
         record = run / "command.txt"
         command = record.read_text().strip() if record.exists() else ""
-        done = release(run, data, out, int8=int8, mirrored=mirrored, command=command, limit=limit)
+        done = release(
+            run,
+            data,
+            out,
+            int8=int8,
+            mirrored=mirrored,
+            command=command,
+            limit=limit,
+            device=device_named(device),
+        )
         table = Table(title="Held-out crops", title_justify="left")
         files = [(done.path, done.metrics)] + ([(done.int8, done.int8_metrics)] if done.int8 else [])
         for column in ("", *(f"{path.name} ({path.stat().st_size / 1e6:.1f} MB)" for path, _ in files)):
@@ -203,6 +248,21 @@ def _train(trainer: Trainer, minutes: float | None) -> bool:
             return trainer.run(Limits(minutes=minutes, evaluations=5 if name == "toy" else 20), tell)
         except KeyboardInterrupt:
             return False
+
+
+def _render(data: Path, minutes: float, jobs: int | None, device: str) -> float:
+    """Render crops in a part of the time; the minutes left."""
+    from groundpose.lab.training.device import cores
+    from groundpose.lab.training.in_time import Plan, render
+    from groundpose.lab.training.rendered import rendered_samples
+
+    with _bar() as bar:
+        task = bar.add_task("rendering", total=None)
+
+        def advance(split: str, shards: int) -> None:
+            bar.update(task, completed=shards, description=f"rendering, shards of {split}")
+
+        return render(Plan(data, rendered_samples, minutes, jobs or cores()), advance)
 
 
 def _toy_crops(folder: Path) -> Path:

@@ -1,8 +1,8 @@
 """Random changes to crops, drawn anew each time: other light, other cameras, coarser and noisier pictures.
 
 Real streets are darker, softer and noisier than renders. All random numbers are drawn by NumPy on the
-processor (`draw`) and applied by PyTorch where the pictures are (`Looks`), so a recipe gives the same pictures
-on every device, up to rounding.
+processor (`draw`) and applied by PyTorch where the pictures are (`Looks`), so a recipe gives the same
+pictures on every device, up to rounding.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class Changes:
 def draw(n: int, how: AugmentConfig, rng: np.random.Generator) -> Changes:
     """Changes for `n` pictures.
 
-    Gamma, darkening, overexposure, contrast, coloured haze, desaturation and white balance halved the error on
-    real streets.
+    Gamma, darkening, overexposure, contrast, coloured haze, desaturation and white balance halved the error
+    on real streets.
     """
     tone = how.tone
     dark = rng.random(n) < tone / 3.0
@@ -163,13 +163,17 @@ class Looks:
         # contrast changes about the picture's own mean
         offset = (now * gain * (1.0 - contrast) * (1.0 - veil))[:, None] + veil[:, None] * haze
         x = x.pow_(gamma[:, None, None, None]).flatten(2)
-        return torch.baddbmm(255.0 * offset[:, :, None], 255.0 * matrix, x).unflatten(2, self._noise.shape[3:])
+        return torch.baddbmm(255.0 * offset[:, :, None], 255.0 * matrix, x).unflatten(
+            2, self._noise.shape[3:]
+        )
 
     def _cover(self, x: Tensor, cover: Tensor, colour: Tensor) -> Tensor:
         """A plain thing in front."""
         left, top, right, bottom = (cover[:, i, None] for i in range(4))
         rows, columns = self._cells
-        inside = ((rows > top) & (rows < bottom))[:, :, None] & ((columns > left) & (columns < right))[:, None]
+        inside = ((rows > top) & (rows < bottom))[:, :, None] & ((columns > left) & (columns < right))[
+            :, None
+        ]
         return torch.where(inside[:, None], colour[:, :, None, None], x)
 
     def _sharper(self, x: Tensor, sharpness: Tensor) -> Tensor:
@@ -182,9 +186,7 @@ class Looks:
 
     def _grain(self, x: Tensor, noise: Tensor, corner: Tensor) -> Tensor:
         """Sensor noise."""
-        row, column = (
-            (corner[:, i] * size).long() for i, size in enumerate(self._noise.shape[1:3])
-        )
+        row, column = ((corner[:, i] * size).long() for i, size in enumerate(self._noise.shape[1:3]))
         return x + noise[:, None, None, None] * self._noise[:, row, column].transpose(0, 1)
 
 

@@ -10,10 +10,14 @@ was stopped continues with the missing shards.
 from __future__ import annotations
 
 import copy
+import itertools
 import json
+import math
 import multiprocessing
 import os
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -54,6 +58,8 @@ NOTHING = len(CLASSES)
 NO_STYLE = 255
 
 Records = NDArray[np.void]
+_Task = tuple[Path, int, int]
+"""Path of a shard without its endings, first frame, number of frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +131,7 @@ def write_crops(
     frames_per_shard: int = 500,
     codec: Codec = STORED,
     jobs: int = 1,
+    until: float = math.inf,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> int:
     """Write the missing shards of `frames` frames; returns the number of shards written.
@@ -132,6 +139,7 @@ def write_crops(
     Args:
         folder: made if missing; a folder with other crops is refused.
         source: makes the samples; the shards are the same for any number of `jobs` (processes).
+        until: no shard is begun after this time (`time.time()`) but the first.
         advance: called with (shards done, shards in all).
 
     Raises:
@@ -139,34 +147,37 @@ def write_crops(
     """
     _write_index(folder, source, seed, frames_per_shard, codec)
     starts = range(first, first + frames, frames_per_shard)
-    tasks = [
-        (
-            folder / f"{split}-{start // frames_per_shard:05d}",
-            start,
-            min(frames_per_shard, first + frames - start),
-        )
-        for start in starts
-    ]
-    missing = [task for task in tasks if not _labels(task[0]).exists()]
-    done = len(tasks) - len(missing)
-    advance(done, len(tasks))
+
+    def task(start: int) -> _Task:
+        stem = folder / f"{split}-{start // frames_per_shard:05d}"
+        return stem, start, min(frames_per_shard, first + frames - start)
+
+    finished = {path.name for path in folder.glob(f"{split}-*-labels.npy")}
+    tasks = (task(start) for start in starts)
+    missing = (task for task in tasks if _labels(task[0]).name not in finished)
+    done, written = len(finished), 0
+    advance(done, len(starts))
     make = partial(_write_shard, source, seed, split, codec)
-    if jobs == 1:
-        results: Iterator[None] = map(make, missing)
-        _count(results, done, len(tasks), advance)
-    else:
-        # spawn: a renderer's context does not survive a fork
-        with multiprocessing.get_context("spawn").Pool(jobs) as pool:
-            _count(pool.imap_unordered(make, missing), done, len(tasks), advance)
-    return len(missing)
+    begun = itertools.takewhile(lambda task: task[1] == first or time.time() < until, missing)
+    for _ in map(make, begun) if jobs == 1 else _in_processes(make, begun, jobs):
+        written += 1
+        advance(done + written, len(starts))
+    return written
 
 
-def _count(results: Iterator[None], done: int, total: int, advance: Callable[[int, int], None]) -> None:
-    for i, _ in enumerate(results):
-        advance(done + i + 1, total)
+def _in_processes(make: Callable[[_Task], None], tasks: Iterator[_Task], jobs: int) -> Iterator[None]:
+    """Results as they come; a task is taken when a process is free for it."""
+    # spawn: a renderer's context does not survive a fork
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        running = {pool.submit(make, task) for task in itertools.islice(tasks, jobs)}
+        while running:
+            ready, running = wait(running, return_when=FIRST_COMPLETED)
+            running |= {pool.submit(make, task) for task in itertools.islice(tasks, len(ready))}
+            for one in ready:
+                yield one.result()
 
 
-def _write_shard(source: Source, seed: int, split: str, codec: Codec, task: tuple[Path, int, int]) -> None:
+def _write_shard(source: Source, seed: int, split: str, codec: Codec, task: _Task) -> None:
     stem, first, count = task
     samples = list(source(seed, split, first, count, codec))
     images = np.empty((len(samples), 3, codec.height, codec.width), dtype=np.uint8)

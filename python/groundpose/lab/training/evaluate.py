@@ -90,7 +90,9 @@ class Answers:
         own, vehicles = named[""], self.vehicles
         right = self.detections.class_probabilities.argmax(axis=1) == self.labels["kind"]
         numbers["class_accuracy"] = float(right[vehicles].mean())
-        return numbers | self._vehicle_or_nothing() | self._viewing_angles() | _ranking(scores[own], good[own])
+        return (
+            numbers | self._vehicle_or_nothing() | self._viewing_angles() | _ranking(scores[own], good[own])
+        )
 
     def _vehicle_or_nothing(self, threshold: float = 0.5) -> dict[str, float]:
         """Fractions of vehicles called nothing, and of boxes without one called a vehicle."""

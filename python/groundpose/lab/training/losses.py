@@ -61,12 +61,16 @@ class Loss:
         """The losses of a batch; raw outputs in any precision."""
         vehicle = batch.vehicle.float()
         cross_entropy, distance, places = self._keypoints(raw, batch)
-        classes = _mean(functional.cross_entropy(raw.classes.float(), batch.class_index, reduction="none"), vehicle)
+        classes = _mean(
+            functional.cross_entropy(raw.classes.float(), batch.class_index, reduction="none"), vehicle
+        )
         is_vehicle = functional.binary_cross_entropy_with_logits(raw.vehicle.float(), vehicle)
         angle = _viewing_angle(raw.viewing_angle.float(), batch.alpha)
         size = _sizes(raw.size.float(), batch)
         known = batch.style != NO_STYLE
-        style = functional.cross_entropy(raw.style.float(), torch.where(known, batch.style, 0), reduction="none")
+        style = functional.cross_entropy(
+            raw.style.float(), torch.where(known, batch.style, 0), reduction="none"
+        )
         parts = {
             "cross_entropy": cross_entropy,
             "distance": distance,
@@ -96,7 +100,11 @@ class Loss:
         missed = ((self._network.places(raw) - points) / self._size).abs().sum(dim=2)
         # outside the crop nothing else finds a keypoint
         likelihood = missed * torch.exp(-scale) + 2.0 * scale
-        return cross_entropy, _mean(offsets, weight * inside), _mean(likelihood, torch.where(inside, weight, 1.0) * own)
+        return (
+            cross_entropy,
+            _mean(offsets, weight * inside),
+            _mean(likelihood, torch.where(inside, weight, 1.0) * own),
+        )
 
     def _gaussian(self, cells: Tensor, places: Tensor, inside: Tensor) -> Tensor:
         """Weights (N, K, cells) that sum to 1; equal ones for points outside the crop."""

@@ -18,7 +18,6 @@ from groundpose.lab.training.configs import NetworkConfig
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS, flip_indices
 
-
 _HIDDEN = 256  # width of the layers before the small heads
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.network import Network
@@ -16,6 +17,7 @@ from groundpose.lab.training.evaluate import answers
 from groundpose.lab.training.export import export, metadata, quantise
 from groundpose.lab.training.loop import detector, trained
 
+_CPU = torch.device("cpu")
 RANGES = 256
 """Number of crops from which the ranges of int8 are taken."""
 
@@ -39,6 +41,7 @@ def release(
     mirrored: bool = False,
     command: str = "",
     limit: int | None = None,
+    device: torch.device = _CPU,
 ) -> Released:
     """Export the network of a run.
 
@@ -48,6 +51,7 @@ def release(
         mirrored: see `export`.
         command: that trained the network, for the metadata.
         limit: largest number of crops for calibration and for evaluation.
+        device: where the network runs meanwhile.
 
     Scores are calibrated on the validation crops; metrics are of the test crops if there are any.
 
@@ -57,7 +61,7 @@ def release(
     network, _, content = trained(run)
     codec = Codec(network.config.width, network.config.height)
     validation = Crops(data, "validation", limit)
-    detect = detector(network, mirrored)
+    detect = detector(network.to(device), mirrored)
     calibration = answers(detect, validation, codec).calibration()
     judged = Crops(data, "test", limit) if any(data.glob("test-*-labels.npy")) else validation
     metrics = answers(detect, judged, codec).metrics(calibration)
@@ -69,7 +73,7 @@ def release(
         "earlier_run": json.dumps(content["before"]),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    export(network, path, said, mirrored=mirrored)
+    export(network.cpu(), path, said, mirrored=mirrored)
     if int8 is None:
         return Released(path, metrics, None, {})
     quantise(path, int8, _pictures(Crops(data, "train", RANGES), codec))
