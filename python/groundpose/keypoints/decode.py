@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from groundpose._checks import FloatArray
+
+VIEWING_ANGLES = 16
+"""Bins of the viewing angle alpha; bin b is centred on b * 2 pi / 16 (22.5 degrees apart)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,13 +22,37 @@ class Detections:
         keypoints: (N, K, 2) crop pixels; those of other classes are meaningless.
         spread: (N, K) crop pixels, standard deviation of the heat map read as a distribution.
         peak: (N, K) its largest cell, 0 to 1.
-        class_probabilities: (N, C), sum 1.
+        class_probabilities: (N, C), sum 1: of the classes, given that the crop shows a vehicle.
+        vehicle: (N,) probability that it does.
+        viewing_angle: (N, `VIEWING_ANGLES`), sum 1: of the bins of alpha as KITTI has it.
     """
 
     keypoints: FloatArray
     spread: FloatArray
     peak: FloatArray
     class_probabilities: FloatArray
+    vehicle: FloatArray
+    viewing_angle: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        keypoints: ArrayLike,
+        spread: ArrayLike,
+        peak: ArrayLike,
+        class_probabilities: ArrayLike,
+        vehicle: ArrayLike | None = None,
+        viewing_angle: ArrayLike | None = None,
+    ) -> Detections:
+        """From what a network gives. One without the last two outputs takes every crop for a vehicle (1) and
+        says nothing of the viewing angle (NaN)."""
+        count = len(np.asarray(keypoints))
+        arrays = (
+            *(keypoints, spread, peak, class_probabilities),
+            np.ones(count) if vehicle is None else vehicle,
+            np.full((count, VIEWING_ANGLES), np.nan) if viewing_angle is None else viewing_angle,
+        )
+        return cls(*(np.asarray(array, dtype=np.float64) for array in arrays))
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,13 @@ from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS
 
 FORMAT = "groundpose_keypoints"
-"""Metadata key of our files; its value is `FORMAT_VERSION`."""
-FORMAT_VERSION = "1"
-OUTPUTS = ("keypoints", "spread", "peak", "kind_probabilities")
+"""Metadata key of our files; its value is a version of `OUTPUTS`."""
+FORMAT_VERSION = "2"
+_FIRST_OUTPUTS = ("keypoints", "spread", "peak", "kind_probabilities")
+OUTPUTS = {"1": _FIRST_OUTPUTS, FORMAT_VERSION: (*_FIRST_OUTPUTS, "vehicle", "viewing_angle")}
+"""Names of a file's outputs by its version, in the order of the fields of `Detections`."""
+VEHICLE_THRESHOLD = 0.5
+"""For files without the metadata key `vehicle_threshold`."""
 MODELS = Path(__file__).parent / "models"
 BUNDLED = {"default": "default.onnx", "int8": "int8.onnx", "float32": "float32.onnx"}
 """Files that come with the package, by name. All have the same weights: "default" looks at a crop and at its
@@ -35,10 +39,13 @@ def bundled(name: str = "default") -> Path:
 
 
 class Network:
-    """A trained network: crops in, keypoints with spread and class probabilities out.
+    """A trained network: crops in; out come keypoints with spread, probabilities of the classes, of the 16
+    viewing angles, and that there is a vehicle at all. Files of version "1" lack the last two: to them every
+    crop shows a vehicle (probability 1), seen from an unknown side (NaN).
 
     Attributes:
-        path: the file. codec: its crops' size and margin. calibration: of its scores.
+        path: the file. codec: its crops' size and margin. calibration: of its scores. version: of its format.
+        vehicle_threshold: the probability below which a crop is taken to show no vehicle.
         metadata: all that the file says of itself, str to str (how it was trained, on what, how good).
     """
 
@@ -62,16 +69,22 @@ class Network:
             raise FileNotFoundError(2, _NOT_BUNDLED, str(self.path))
         self._session = _session(self.path, threads)
         self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
-        if self.metadata.get(FORMAT) != FORMAT_VERSION:
+        self.version = self.metadata.get(FORMAT, "")
+        if self.version not in OUTPUTS:
+            versions = " or ".join(OUTPUTS)
             raise input_error(
-                str(self.path), f"a keypoint network of version {FORMAT_VERSION}", "another ONNX file"
+                str(self.path), f"a keypoint network of version {versions}", "another ONNX file"
             )
+        missing = set(OUTPUTS[self.version]) - {output.name for output in self._session.get_outputs()}
+        if missing:
+            raise input_error(str(self.path), f"the outputs of version {self.version}", f"no {min(missing)}")
         for name, wanted in (("keypoints", [k.name for k in KEYPOINTS]), ("kinds", list(CLASSES))):
             if json.loads(self.metadata[name]) != wanted:
                 raise input_error(str(self.path), f"the {name} of this version", "others")
         size = (int(self.metadata["width"]), int(self.metadata["height"]))
         self.codec = Codec(*size, float(self.metadata["margin"]))
         self.calibration = Calibration.of(json.loads(self.metadata["score_calibration"]))
+        self.vehicle_threshold = float(self.metadata.get("vehicle_threshold", VEHICLE_THRESHOLD))
 
     def __repr__(self) -> str:
         """File and size of a crop."""
@@ -86,9 +99,8 @@ class Network:
             )
         if len(crops) == 0:
             shapes = ((0, len(KEYPOINTS), 2), (0, len(KEYPOINTS)), (0, len(KEYPOINTS)), (0, len(CLASSES)))
-            return Detections(*(np.zeros(shape) for shape in shapes))
-        outputs = self._session.run(list(OUTPUTS), {"crops": crops})
-        return Detections(*(np.asarray(output, dtype=np.float64) for output in outputs))
+            return Detections.of(*(np.zeros(shape) for shape in shapes))
+        return Detections.of(*self._session.run(list(OUTPUTS[self.version]), {"crops": crops}))
 
 
 def _session(path: Path, threads: int | None) -> Any:

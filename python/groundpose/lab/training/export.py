@@ -19,7 +19,7 @@ from torch import Tensor, nn
 
 from groundpose.keypoints.codec import MEAN, STD, ByteArray, Codec
 from groundpose.keypoints.decode import Calibration
-from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS
+from groundpose.keypoints.network import FORMAT, OUTPUTS
 from groundpose.lab.training.networks import Decoded, KeypointNetwork
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS
@@ -64,7 +64,7 @@ def export(
             _Graph(network, mirrored).eval(),
             (example,),
             input_names=["crops"],
-            output_names=list(OUTPUTS),
+            output_names=list(OUTPUTS["1"]),
             dynamic_shapes={"crops": {0: torch.export.Dim("N")}},
             opset_version=OPSET,
             dynamo=True,
@@ -99,7 +99,7 @@ def metadata(
         "metrics": {name: round(value, 6) for name, value in metrics.items()},
     }
     return {
-        FORMAT: FORMAT_VERSION,
+        FORMAT: "1",
         "groundpose_version": version("groundpose"),
         "width": str(codec.width),
         "height": str(codec.height),

@@ -261,7 +261,7 @@ def detector(network: KeypointNetwork, mirrored: bool = False) -> Callable[[Byte
         network.eval()
         with torch.no_grad():
             decoded = network.detect(torch.from_numpy(crops), mirrored)
-        return Detections(*(value.double().numpy() for value in decoded))
+        return Detections.of(*(value.double().numpy() for value in decoded))
 
     return detect
 
