@@ -34,14 +34,19 @@ CAR = {"bbox": BOX.tolist(), "class": "car", "score": 0.9, "truth": {"R": R.toli
 CALIBRATION = {"fx": 600, "fy": 600, "cx": 320, "cy": 130, "pitch_deg": float(np.degrees(VIEW.pitch))}
 
 
-@pytest.fixture(scope="module")
-def model(tmp_path_factory) -> Path:
-    """Sees the car that is projected into BOX, in whatever box."""
+def car_places() -> np.ndarray:
+    """Crop pixels (K, 2) of the car that is projected into BOX."""
     codec = Codec(stand_in.WIDTH, stand_in.HEIGHT)
     places = np.zeros((stand_in.K, 2))
     pixels = project(VIEW, R, T, MODEL.keypoints_3d)
     places[keypoint_indices("car")] = codec.crop_from_image(pixels[None], codec.windows(BOX[None]))[0]
-    return stand_in.write(tmp_path_factory.mktemp("model") / "car.onnx", 0, places)
+    return places
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory) -> Path:
+    """Sees the car that is projected into BOX, in whatever box."""
+    return stand_in.write(tmp_path_factory.mktemp("model") / "car.onnx", 0, car_places())
 
 
 @pytest.fixture

@@ -63,7 +63,7 @@ def test_files_that_are_not_ours(path, tmp_path, monkeypatch):
     with pytest.raises(gp.InputError, match=r"junk\.onnx: expected an ONNX network"):
         Network(junk)
     with pytest.raises(
-        gp.InputError, match=r"expected a keypoint network of version 1, got another ONNX file"
+        gp.InputError, match=r"expected a keypoint network of version 1 or 2, got another ONNX file"
     ):
         Network(write(tmp_path / "other.onnx", **{FORMAT: "99"}))
     with pytest.raises(gp.InputError, match="expected the keypoints of this version"):
@@ -245,7 +245,7 @@ def test_arguments_that_are_refused(path, pipeline):
 def test_calibration_recovers_the_chances():
     rng = np.random.default_rng(0)
     spread = np.exp(rng.normal(-2.5, 0.8, (400, K)))
-    found = Detections(np.zeros((400, K, 2)), spread, rng.uniform(0.01, 1.0, (400, K)), np.zeros((400, 4)))
+    found = Detections.of(np.zeros((400, K, 2)), spread, rng.uniform(0.01, 1.0, (400, K)), np.zeros((400, 4)))
     true = Calibration(-6.0, -2.5, 0.5)
     chance = true.scores(found, np.ones(400))
     fitted = Calibration.fit(found, np.ones(400), rng.random((400, K)) < chance, np.ones((400, K), bool))

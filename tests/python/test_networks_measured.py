@@ -33,7 +33,7 @@ class KnowsAll:
         self.labels, self.windows = self.labels[n:], self.windows[n:]
         points = self.codec.crop_from_image(labels["keypoints"].astype(float), windows)
         classes = np.eye(len(CLASSES))[labels["kind"]]
-        return Detections(points, np.full(points.shape[:2], 0.5), np.full(points.shape[:2], 0.9), classes)
+        return Detections.of(points, np.full(points.shape[:2], 0.5), np.full(points.shape[:2], 0.9), classes)
 
 
 @pytest.fixture(scope="module")

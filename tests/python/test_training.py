@@ -492,7 +492,7 @@ def _check_files(folder, data):
     assert json.loads(said["data"]) == {
         "source": "groundpose.lab.training.toy.toy_samples",
         "seed": 0,
-        "version": 1,
+        "version": 2,
     }
     assert json.loads(said["config"])["network"] == config.network
     assert json.loads(said["metrics"])["class_accuracy"] >= SMOKE_CLASSES

@@ -48,6 +48,15 @@ def estimate(
     min_score: Annotated[
         float | None, typer.Option(help="Leave out boxes whose score is lower.", show_default="none")
     ] = None,
+    vehicle_threshold: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="No pose for boxes whose probability to hold a vehicle is lower; 0: for all.",
+            show_default="the network's",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -113,10 +122,16 @@ def estimate(
     with mistakes():
         job = _Job(options, threads, tilt, out, form, draw)
         if boxes is not None or is_image(source):
-            status = job.images(source, boxes, calib, network, min_score, pictures)
+            status = job.images(source, boxes, calib, network, vehicle_threshold, min_score, pictures)
         else:
-            for_images = {"calib": calib, "network": network, "min-score": min_score}
-            status = job.frames(source, for_images | {"no-pictures": None if pictures else True})
+            for_images = {
+                "calib": calib,
+                "network": network,
+                "min-score": min_score,
+                "vehicle-threshold": vehicle_threshold,
+                "no-pictures": None if pictures else True,
+            }
+            status = job.frames(source, for_images)
     raise typer.Exit(status)
 
 
@@ -137,6 +152,7 @@ class _Job:
         boxes: Path | None,
         calib: Path | None,
         network: Path | None,
+        vehicle_threshold: float | None,
         min_score: float | None,
         pictures: bool,
     ) -> int:
@@ -146,7 +162,9 @@ class _Job:
 
         if boxes is None:
             refuse(f"{source}: is an image or a folder; give the 2D boxes too, --boxes FILE")
-        pipeline = Pipeline(network, options=self.options, threads=self.threads)
+        pipeline = Pipeline(
+            network, options=self.options, threads=self.threads, vehicle_threshold=vehicle_threshold
+        )
         work = ImageWork(
             source, boxes, calib, self.tilt, -math.inf if min_score is None else min_score, pipeline
         )

@@ -22,7 +22,7 @@ from groundpose.formats.frames import Frame, FrameObject
 from groundpose.formats.kitti.labels import TYPE_OF
 from groundpose.formats.records import pose_record, tilt_members
 from groundpose.keypoints.image import as_rgb
-from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+from groundpose.keypoints.pipeline import NOT_A_VEHICLE, Pipeline, VehiclePoses
 from groundpose.types import View
 
 
@@ -40,6 +40,7 @@ class ImageWork:
 
     Attributes:
         left_out: how many boxes were left out, by reason.
+        no_vehicle: how many boxes hold no vehicle.
 
     Raises:
         OSError: no such file. InputError: a folder without pictures, a file that no format suits.
@@ -52,6 +53,7 @@ class ImageWork:
     min_score: float
     pipeline: Pipeline
     left_out: Counter[str] = field(default_factory=Counter)
+    no_vehicle: int = 0
     noun = "images"
 
     def __post_init__(self) -> None:
@@ -79,8 +81,11 @@ class ImageWork:
                 yield self._done(label, path.name, path)
 
     def remarks(self) -> list[str]:
-        """What was left out."""
-        return [f"left out: {count} x {reason}" for reason, count in self.left_out.most_common()]
+        """What was left out, and what held no vehicle."""
+        said = [f"left out: {count} x {reason}" for reason, count in self.left_out.most_common()]
+        if self.no_vehicle:
+            said.append(f"{self.no_vehicle} box{'es hold' if self.no_vehicle > 1 else ' holds'} no vehicle")
+        return said
 
     def _done(
         self, label: str | int, name: str, path: Path, image: NDArray[np.uint8] | None = None
@@ -96,6 +101,7 @@ class ImageWork:
             return error
         except OSError as error:
             return InputError(f"{error.filename or path}: {error.strerror or error}")
+        self.no_vehicle += int((poses.status == NOT_A_VEHICLE).sum())
         return Result(_frame(label, path, boxes, poses), poses, pixels)
 
     def _keeps(self, box: Box) -> bool:
@@ -155,16 +161,19 @@ def _frame(label: str | int, path: Path, boxes: list[Box], poses: VehiclePoses) 
 
 def vehicle_record(frame: Frame, poses: VehiclePoses) -> str:
     """The JSON line of `formats.records.pose_record` with what the network found: image and tilt; of each
-    object its box, the probability of its class and its keypoints with their scores."""
+    object its box, the probabilities of a vehicle and of its class, and its keypoints with their scores."""
     each = [
         {
             "bbox": o.bbox,
             **({} if o.score is None else {"score": o.score}),
+            "vehicle_probability": float(vehicle),
             "model_probability": float(probability),
             "keypoints_2d": o.keypoints_2d,
             "keypoint_scores": o.keypoint_scores,
         }
-        for o, probability in zip(frame.objects, poses.class_probability, strict=True)
+        for o, vehicle, probability in zip(
+            frame.objects, poses.vehicle_probability, poses.class_probability, strict=True
+        )
     ]
     return pose_record(frame, poses, {"image": str(frame.image), **tilt_members(poses.view)}, each)
 

@@ -10,7 +10,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose._checks import FloatArray, input_error, integer, shaped, type_error
+from groundpose._checks import FloatArray, input_error, integer, number, shaped, type_error
 from groundpose.estimate import estimate_poses
 from groundpose.formats.detections import bboxes_of
 from groundpose.keypoints.codec import ByteArray, usable
@@ -25,6 +25,8 @@ from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import keypoint_indices
 from groundpose.vehicles.shape_models import shape_model
 
+NOT_A_VEHICLE = "not_a_vehicle"
+"""Status of an object in whose box the network sees no vehicle; `_core.STATUS` has the solver's."""
 _ROWS = {class_name: keypoint_indices(class_name) for class_name in CLASSES}
 
 
@@ -33,14 +35,24 @@ class VehiclePoses(PoseBatch):
     """A `PoseBatch` of detected vehicles, and what the network said of them.
 
     Attributes:
-        classes: (N,) str, the likeliest class; its model is `models[i]`. "" for an unusable box.
-        class_probabilities: (N, C) in the order of `groundpose.vehicles.CLASSES`; NaN for an unusable box.
+        classes: (N,) str, the likeliest class; its model is `models[i]`. "" for an unusable box and for one
+            without a vehicle.
+        class_probabilities: (N, C) in the order of `groundpose.vehicles.CLASSES`, given that there is a
+            vehicle; NaN for an unusable box.
+        vehicle_probability: (N,) that there is a vehicle in the box; where it is below
+            `Pipeline.vehicle_threshold` the status is "not_a_vehicle". 1 from a network of format version
+            "1", NaN for an unusable box.
+        viewing_angle_probabilities: (N, 16) of the angle from which the network sees the vehicle: KITTI's
+            alpha, `rotation_y - atan2(x, z)`, bin b centred on b * 22.5 degrees. They tell a pose from its
+            reading turned round. NaN from a network of format version "1" and for an unusable box.
         keypoint_scores: (N, P) probability of each keypoint to be right, NaN beyond an object's own.
         seconds: what the steps took: "crop", "network", "decode", "solve".
     """
 
     classes: NDArray[np.str_]
     class_probabilities: FloatArray
+    vehicle_probability: FloatArray
+    viewing_angle_probabilities: FloatArray
     keypoint_scores: FloatArray
     seconds: Mapping[str, float]
 
@@ -75,13 +87,17 @@ class VehiclePoses(PoseBatch):
 class Found:
     """Keypoints of N boxes in image pixels; a row is as long as its class has keypoints.
 
-    `seconds` are those of the steps "crop", "network" and "decode".
+    An unusable box and one in `no_vehicle` have no class ("") and no keypoints (NaN, scores 0). `seconds` are
+    those of the steps "crop", "network" and "decode".
     """
 
     keypoints: list[FloatArray]
     scores: list[FloatArray]
     classes: list[str]
     class_probabilities: FloatArray
+    vehicle_probability: FloatArray
+    viewing_angle_probabilities: FloatArray
+    no_vehicle: NDArray[np.bool_]
     seconds: dict[str, float]
 
 
@@ -100,6 +116,7 @@ class Pipeline:
         options: Options | None = None,
         threads: int | None = None,
         batch_size: int = 16,
+        vehicle_threshold: float | None = None,
     ) -> None:
         """Load everything once.
 
@@ -110,6 +127,9 @@ class Pipeline:
             options: of the solver.
             threads: of network and solver, 1 or more; None: all cores. A `Network` given keeps its own.
             batch_size: most crops that the network sees at a time.
+            vehicle_threshold: objects whose probability to be a vehicle is lower get the status
+                "not_a_vehicle" and no pose; 0 to 1, None: the network's own, 0: every box is taken to hold
+                a vehicle.
 
         Raises:
             OSError: no such file. InputError: a file that is not ours, an unknown class, a model with
@@ -123,6 +143,7 @@ class Pipeline:
         if integer("batch_size", batch_size) < 1:
             raise input_error("batch_size", "1 or more", batch_size)
         self.batch_size = batch_size
+        self.vehicle_threshold = _threshold(vehicle_threshold, self.network)
         self.models = {class_name: shape_model(class_name) for class_name in CLASSES} | dict(models or {})
         for class_name, model in self.models.items():
             if class_name not in CLASSES:
@@ -140,9 +161,9 @@ class Pipeline:
         Args:
             image: RGB; see `groundpose.keypoints.image.as_rgb` for what is taken.
             bboxes: (N, 4) left, top, right, bottom pixels, around whole vehicles as far as they are in the
-                image, N may be 0; or the boxes of a detector as it gives them (all are taken for vehicles),
-                see `groundpose.formats.detections`. A box without area, outside the image or not finite
-                gives an object without an answer, and nothing of the others is lost.
+                image, N may be 0; or the boxes of a detector as it gives them (whatever class it says), see
+                `groundpose.formats.detections`. A box without area, outside the image or not finite, or
+                without a vehicle gives an object without an answer, and nothing of the others is lost.
             view: camera and tilt. A camera without `image_size` is taken to have the image's.
             frame_tilt_sigma: see `estimate_poses`.
 
@@ -169,11 +190,13 @@ class Pipeline:
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)
         for row, own in zip(scores, found.scores, strict=True):
             row[: len(own)] = own
-        classes = np.array(found.classes, dtype=np.str_)
+        status = np.where(found.no_vehicle, NOT_A_VEHICLE, poses.status)
         return VehiclePoses(
-            **vars(poses),
-            classes=classes,
+            **vars(poses) | {"status": status},
+            classes=np.array(found.classes, dtype=np.str_),
             class_probabilities=found.class_probabilities,
+            vehicle_probability=found.vehicle_probability,
+            viewing_angle_probabilities=found.viewing_angle_probabilities,
             keypoint_scores=scores,
             seconds=found.seconds,
         )
@@ -196,14 +219,20 @@ class Pipeline:
         nothing = len(_ROWS[CLASSES[0]])
         keypoints = [np.full((nothing, 2), np.nan) for _ in range(count)]
         each = [np.zeros(nothing) for _ in range(count)]
-        classes, probabilities = [""] * count, np.full((count, len(CLASSES)), np.nan)
-        probabilities[good] = detections.class_probabilities
-        for i, row in enumerate(good.tolist()):
-            classes[row] = CLASSES[int(detections.class_probabilities[i].argmax())]
-            own = _ROWS[classes[row]]
-            keypoints[row], each[row] = points[i, own], scores[i, own]
+        classes, is_vehicle = [""] * count, detections.vehicle >= self.vehicle_threshold
+        for i in np.flatnonzero(is_vehicle).tolist():
+            row, class_name = int(good[i]), CLASSES[int(detections.class_probabilities[i].argmax())]
+            own = _ROWS[class_name]
+            classes[row], keypoints[row], each[row] = class_name, points[i, own], scores[i, own]
+        no_vehicle = np.zeros(count, dtype=bool)
+        no_vehicle[good] = ~is_vehicle
+        said = {
+            "class_probabilities": _of_boxes(count, good, detections.class_probabilities),
+            "vehicle_probability": _of_boxes(count, good, detections.vehicle),
+            "viewing_angle_probabilities": _of_boxes(count, good, detections.viewing_angle),
+        }
         watch.lap("decode")
-        return Found(keypoints, each, classes, probabilities, seconds)
+        return Found(keypoints, each, classes, **said, no_vehicle=no_vehicle, seconds=seconds)
 
     def _run(self, crops: ByteArray) -> Detections:
         """In batches of similar size."""
@@ -213,6 +242,20 @@ class Pipeline:
             return answers[0]
         names = Detections.__dataclass_fields__
         return Detections(*(np.concatenate([getattr(answer, name) for answer in answers]) for name in names))
+
+
+def _threshold(value: float | None, network: Network) -> float:
+    threshold = network.vehicle_threshold if value is None else number("vehicle_threshold", value)
+    if not 0.0 <= threshold <= 1.0:
+        raise input_error("vehicle_threshold", "0 to 1, or None for the network's own", threshold)
+    return threshold
+
+
+def _of_boxes(count: int, good: NDArray[np.intp], said: FloatArray) -> FloatArray:
+    """What is said of the usable boxes `good`, as rows of all `count` boxes; NaN for the others."""
+    rows = np.full((count, *said.shape[1:]), np.nan)
+    rows[good] = said
+    return rows
 
 
 class _Stopwatch:

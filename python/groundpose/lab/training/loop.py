@@ -313,7 +313,7 @@ def detector(network: KeypointNetwork, mirrored: bool = False) -> Callable[[Byte
         network.eval()
         with torch.no_grad():
             decoded = network.detect(torch.from_numpy(crops).to(where), mirrored)
-        return Detections(*(value.double().cpu().numpy() for value in decoded))
+        return Detections.of(*(value.double().cpu().numpy() for value in decoded))
 
     return detect
 
