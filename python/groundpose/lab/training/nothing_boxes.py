@@ -1,9 +1,10 @@
 """Boxes (4,) left, top, right, bottom of the virtual drive that hold no vehicle.
 
 A box holds none when every vehicle of the scene, labelled or not, hidden or not, covers at most `MOST_COVERED`
-of it. Pieces of vehicles are nothing too: a box within one vehicle that is at most `LARGEST_PIECE` of that
-vehicle's box. Vehicles used for training show at least 0.4 of their box (`rendered.MOST_CUT`), and boxes
-between 0.25 and 0.4 of a vehicle are in neither set, because either answer would be right.
+of it. Pieces of vehicles are nothing too: a box within one vehicle that is at most `LARGEST_PIECE` of the
+vehicle's box, if the crop of a network shows at most `MOST_SHOWN` of the vehicle around it (a crop is wider
+than a narrow box). Vehicles used for training show at least 0.4 of their box (`rendered.MOST_CUT`). Boxes
+between the two are in neither set, because either answer would be right.
 """
 
 from __future__ import annotations
@@ -14,16 +15,18 @@ from collections.abc import Callable
 import numpy as np
 
 from groundpose._checks import FloatArray
+from groundpose.keypoints.codec import Codec
 from groundpose.lab.drive import Scene
 from groundpose.lab.drive.silhouette import NEAR
 from groundpose.lab.drive.solids import prop_corners
 from groundpose.lab.drive.visibility import clipped, look
 
 MOST_COVERED = 0.03
-LARGEST_PIECE, SMALLEST_PIECE = 0.25, 0.03
+LARGEST_PIECE, SMALLEST_PIECE, MOST_SHOWN = 0.25, 0.03, 0.4
 LEAST_HEIGHT, MOST_HEIGHT = 18.0, 400.0
 LEAST_ASPECT, MOST_ASPECT = 0.5, 3.0
 _TRIES = 30
+_CROP = Codec(128, 96)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -149,26 +152,28 @@ def piece(rng: np.random.Generator, view: View) -> Place | None:
     if not len(large):
         return None
 
-    def draw() -> FloatArray | None:
-        row = int(rng.choice(large))
-        vehicle = view.vehicles[row]
-        area = rng.uniform(SMALLEST_PIECE, LARGEST_PIECE) * sides[row].prod()
-        aspect = np.exp(rng.uniform(np.log(LEAST_ASPECT), np.log(MOST_ASPECT)))
-        half = 0.5 * np.sqrt(area * np.array([aspect, 1.0 / aspect]))
-        room = 0.5 * sides[row] - half
-        if (room < 0.0).any():
-            return None
-        centre = 0.5 * (vehicle[:2] + vehicle[2:]) + rng.uniform(-1.0, 1.0, 2) * room
-        box = np.concatenate([centre - half, centre + half])
-        others = np.delete(view.vehicles, row, axis=0)
-        return box if (covered(box, others) <= MOST_COVERED).all() else None
-
     for _ in range(_TRIES):
-        box = draw()
+        row = int(rng.choice(large))
+        box = _piece_of(rng, view.vehicles[row])
         cut = None if box is None else inside(box, view.size)
-        if cut is not None:
+        if cut is not None and (covered(cut, np.delete(view.vehicles, row, axis=0)) <= MOST_COVERED).all():
             return Place(cut, view.scene)
     return None
+
+
+def _piece_of(rng: np.random.Generator, vehicle: FloatArray) -> FloatArray | None:
+    """A box anywhere in the box (4,) of a vehicle; None when it or its crop shows too much."""
+    sides = vehicle[2:] - vehicle[:2]
+    area = rng.uniform(SMALLEST_PIECE, LARGEST_PIECE) * sides.prod()
+    aspect = np.exp(rng.uniform(np.log(LEAST_ASPECT), np.log(MOST_ASPECT)))
+    half = 0.5 * np.sqrt(area * np.array([aspect, 1.0 / aspect]))
+    room = 0.5 * sides - half
+    if (room < 0.0).any():
+        return None
+    centre = 0.5 * (vehicle[:2] + vehicle[2:]) + rng.uniform(-1.0, 1.0, 2) * room
+    box = np.concatenate([centre - half, centre + half])
+    shown = covered(vehicle, _CROP.windows(box[None]))[0]
+    return box if shown <= MOST_SHOWN else None
 
 
 def emptied(rng: np.random.Generator, view: View) -> Place | None:
