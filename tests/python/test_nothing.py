@@ -1,4 +1,4 @@
-"""Crops without a vehicle: their boxes, their records, that they repeat, and how networks are judged by them."""
+"""Crops without a vehicle: their boxes, their records, that they repeat."""
 
 import numpy as np
 import pytest

@@ -24,6 +24,7 @@ from groundpose.lab.training.nothing_boxes import (
     piece,
 )
 from groundpose.lab.training.nothing_patterns import pattern
+from groundpose.lab.training.records import record_of
 from groundpose.lab.training.rendered import drawn_frames, renderer
 from groundpose.vehicles.classes import CLASSES
 
@@ -99,14 +100,10 @@ def nothing_record(
     box: FloatArray, window: FloatArray, image_size: tuple[int, int], frame: int, index: int
 ) -> Records:
     """A record of `LABEL` without a vehicle; its `object` is `-1 - index`, `index` a row of `KINDS`."""
-    made = np.zeros((), dtype=LABEL)
-    known = {
+    return record_of({
         **{"keypoints": np.nan, "kind": NOTHING, "box": box, "window": window, "image_size": image_size},
-        **{"frame": frame, "object": -1 - index, "alpha": np.nan, "size": np.nan},
-    }
-    for name in set(known).intersection(LABEL.names or ()):
-        made[name] = known[name]
-    return made
+        **{"frame": frame, "object": -1 - index},
+    })  # fmt: skip
 
 
 def _with_camera(label: Records, scene: Scene) -> Records:

@@ -125,8 +125,8 @@ def around_thing(rng: np.random.Generator, view: View) -> Place | None:
         height = min(2 * half[1], MOST_HEIGHT) * rng.uniform(0.8, 1.3)
         width = np.clip(2 * half[0] * rng.uniform(0.9, 1.2), 1.02 * LEAST_ASPECT * height, 2.9 * height)
         room = np.maximum(half - 0.5 * np.array([width, height]), 0.1 * half)
-        middle = centre + rng.uniform(-1.0, 1.0, 2) * room
-        return np.concatenate([middle - [0.5 * width, 0.5 * height], middle + [0.5 * width, 0.5 * height]])
+        middle, sides = centre + rng.uniform(-1.0, 1.0, 2) * room, 0.5 * np.array([width, height])
+        return np.concatenate([middle - sides, middle + sides])
 
     return _free(view, draw)
 

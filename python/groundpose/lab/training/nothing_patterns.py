@@ -1,4 +1,4 @@
-"""Pictures in which there is nothing at all: colours, gradients, noise, marks like writing, shapes like walls.
+"""Pictures in which there is nothing at all: colours, gradients, noise, writing, shapes like walls.
 
 Every function of `PATTERNS` draws floats (height, width, 3), 0 to 255; `pattern` picks one of them.
 """

@@ -78,7 +78,7 @@ def photographs(folder: Path, codec: Codec) -> Crops:
 
 
 def backgrounds(frames: Path, codec: Codec) -> Crops:
-    """"street" (crops that show no label and no region to ignore) and "person" of a folder in KITTI's layout."""
+    """ "street" (crops that show no label and no region to ignore) and "person" of a folder in KITTI's layout."""
     for path in sorted((frames / "label_2").glob("*.txt")):
         image, labels = as_rgb(frames / "image_2" / f"{path.stem}.png"), read_labels(path)
         size = np.array([image.shape[1], image.shape[0]], dtype=float)
@@ -117,7 +117,7 @@ def _boxes(labels: list[KittiLabel]) -> FloatArray:
 
 
 def flat(codec: Codec) -> Crops:
-    """"grey": one brightness each; "noise": of pixels and of larger cells."""
+    """ "grey": one brightness each; "noise": of pixels and of larger cells."""
     rng, shape = np.random.default_rng(90), (FLAT, codec.height, codec.width, 3)
     levels = np.linspace(0, 255, FLAT).astype(np.uint8)
     yield "grey", np.ascontiguousarray(np.broadcast_to(levels[:, None, None, None], shape))
