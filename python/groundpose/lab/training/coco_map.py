@@ -1,7 +1,7 @@
 """What a labelled file's classes and keypoints are called here: a small JSON file.
 
-`{"classes": {"sedan": "car"}, "keypoints": {"wheel_fl": "left_front_wheel"}}`; either part may be left out, and
-then the file's names are our own.
+`{"classes": {"sedan": "car"}, "keypoints": {"wheel_fl": "left_front_wheel"}}`; either part may be left out,
+and then the file's names are our own.
 """
 
 from __future__ import annotations

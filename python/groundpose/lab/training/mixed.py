@@ -16,7 +16,7 @@ NOTHING_PER_VEHICLE = 0.25
 
 
 def drive_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
-    """The vehicles of `rendered_samples` and, from the same frames, `NOTHING_PER_VEHICLE` as many of nothing."""
+    """The vehicles of `rendered_samples` and, of the same frames, places without one."""
     for frame in drawn_frames(seed, split, first, count):
         vehicles = 0
         for sample in vehicle_samples(frame, codec):

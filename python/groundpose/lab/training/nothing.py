@@ -1,4 +1,4 @@
-"""Crops in which there is no vehicle, for the answer "none": scenery, things, pieces, empty places, patterns."""
+"""Crops without a vehicle, for the answer "none": scenery, things, pieces, empty places, patterns."""
 
 from __future__ import annotations
 

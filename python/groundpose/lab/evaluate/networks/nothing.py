@@ -23,7 +23,7 @@ from groundpose.lab.training.streets import looks, streets
 LEAST = 0.5
 """Probability from which a crop is called a vehicle."""
 PER_FRAME, FLAT, LOOKS = 20, 32, 6
-"""Background boxes of each KITTI frame; pictures of grey and of each noise; looks at a frame and its mirror."""
+"""Boxes of each KITTI frame; pictures of grey and of each noise; looks at a frame and at its mirror image."""
 _PEOPLE = ("Pedestrian", "Person_sitting", "Cyclist")
 _TRIES = 4000
 
@@ -78,7 +78,7 @@ def photographs(folder: Path, codec: Codec) -> Crops:
 
 
 def backgrounds(frames: Path, codec: Codec) -> Crops:
-    """ "street" (crops that show no label and no region to ignore) and "person" of a folder in KITTI's layout."""
+    """ "street" (crops that meet no label nor region to ignore) and "person" of frames in KITTI's layout."""
     for path in sorted((frames / "label_2").glob("*.txt")):
         image, labels = as_rgb(frames / "image_2" / f"{path.stem}.png"), read_labels(path)
         size = np.array([image.shape[1], image.shape[0]], dtype=float)

@@ -1,7 +1,8 @@
 """Boxes of road photographs that hold no vehicle, found by eye: {file: {what is there: boxes in pixels}}.
 
-The photographs are test input, not part of this package and never trained on. The folder has 20 files; six of
-them (`veh_test1.jpg` to `veh_test6.jpg`) are copies of `adv_test1.jpg` to `adv_test6.jpg` and not in the table.
+The photographs are test input, not part of this package and never trained on. The folder has 20 files; six
+of them (`veh_test1.jpg` to `veh_test6.jpg`) are copies of `adv_test1.jpg` to `adv_test6.jpg` and not in the
+table.
 """
 
 from __future__ import annotations
