@@ -119,6 +119,9 @@ ROAD_KINDS = {
     ),
 }
 
+MAST_FRACTIONS = {"street": 0.25, "avenue": 0.25, "country": 0.08, "motorway": 0.2, "yard": 0.22}
+"""Fractions of the kinds of roads with a camera on a mast."""
+
 # Of a parking place: angle to the road, depth across it, pitch along it with a margin between cars; metres.
 _PARKING = {
     "parallel": (0.0, 2.25, 6.0),
