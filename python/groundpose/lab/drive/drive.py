@@ -104,7 +104,9 @@ def _drive(seed: int, index: int, shares: tuple[tuple[str, float], ...], rigs: R
     fractions = MAST_FRACTIONS if mount.standing else {name: k.fraction for name, k in ROAD_KINDS.items()}
     kind = list(fractions)[int(road_rng.choice(len(fractions), p=list(fractions.values())))]
     speed = ROAD_KINDS[kind].speed[1] * 1.3
-    road = make_road(road_rng, kind, speed * FRAMES_PER_DRIVE * car.FRAME_INTERVAL + _PROPS_AHEAD)
+    road = make_road(
+        road_rng, kind, speed * FRAMES_PER_DRIVE * car.FRAME_INTERVAL + _PROPS_AHEAD, mount.standing
+    )
     ego = mast.stand(ego_rng, road, mount) if mount.standing else _drive_in_a_lane(ego_rng, road, mount)
     actors = traffic(traffic_rng, road, ego, split, dict(shares))
     props = _clear_of_mast(surroundings.props(road, props_rng), road, ego)

@@ -185,7 +185,9 @@ def _states(
         within = ((pixels >= -0.5) & (pixels < [width - 0.5, height - 0.5])).all(axis=1)
     states = np.where(within, VISIBLE, OUTSIDE).astype(np.uint8)
     rows = np.flatnonzero(within)
-    hidden = own_body_hides(target, pixels[rows], depth[rows]) | (below(scene.mount.roll, *pixels[rows].T) > road_row)
+    hidden = own_body_hides(target, pixels[rows], depth[rows]) | (
+        below(scene.mount.roll, *pixels[rows].T) > road_row
+    )
     for hider in hiders:
         near = np.flatnonzero(((pixels[rows] >= hider.box[:2]) & (pixels[rows] <= hider.box[2:])).all(axis=1))
         hidden[near] |= inside(hider.polygons, pixels[rows[near]])

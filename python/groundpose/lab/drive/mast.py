@@ -21,9 +21,8 @@ FREE = 3.0
 _ABOVE, _ABOVE_OTHERWISE = {"motorway": 0.5, "avenue": 0.3}, 0.15
 # Distances at which the optical axis meets the ground, cut for the choice of the direction, metres.
 _AIM = (8.0, 80.0)
-# Largest angle to the road, and the spread around the direction of the target.
-_LARGEST_TURN, _TURN_STD = math.radians(75.0), math.radians(8.0)
-_ACROSS = 0.3  # fraction of cameras that look across the road at any angle
+# Largest angle to the road, and the spread around the direction of the target as a fraction of the view.
+_LARGEST_TURN, _TURN_STD = math.radians(80.0), 0.12
 _ERROR_STD_DEG = (0.5, 0.3)  # of the true pitch and roll against the nominal tilt
 _SWAY_DEG, _SWAY_SECONDS = 0.04, (1.0, 5.0)
 
@@ -42,9 +41,8 @@ def stand(rng: np.random.Generator, road: Road, mount: Mount) -> Ego:
     away = height / math.tan(max(-mount.pitch, math.radians(1.0)))
     away = min(max(away, _AIM[0]), _AIM[1])
     across = layout.lanes[int(rng.integers(len(layout.lanes)))].d - d
-    turn = math.asin(min(max(across / away, -1.0), 1.0)) + rng.normal(0.0, _TURN_STD)
-    if rng.random() < _ACROSS:
-        turn = math.copysign(rng.uniform(0.0, _LARGEST_TURN), across)
+    turn = math.asin(min(max(across / away, -1.0), 1.0))
+    turn += rng.normal(0.0, _TURN_STD) * mount.fov
     turn = min(max(turn, -_LARGEST_TURN), _LARGEST_TURN)
     s = rng.uniform(0.0, 10.0)
     if road.junction is not None:

@@ -31,7 +31,7 @@ class Mount:
     Args:
         camera: the camera.
         height: metres above the road under it; None: drawn with the car.
-        pitch, roll: nominal tilt, radians, as in `View`; the true tilt differs by a small error and by motion.
+        pitch, roll: nominal tilt, radians, as in `View`; the true one differs by a small error and motion.
         standing: on a mast, not on a vehicle.
     """
 
@@ -40,6 +40,12 @@ class Mount:
     pitch: float
     roll: float
     standing: bool
+
+    @property
+    def fov(self) -> float:
+        """Horizontal field of view, radians."""
+        assert self.camera.image_size is not None
+        return 2.0 * math.atan(0.5 * self.camera.image_size[0] / self.camera.fx)
 
     @property
     def tilted(self) -> bool:
@@ -113,7 +119,12 @@ RIGS: dict[str, Rigs] = {
 DEFAULT_RIG = "car"
 
 # Least and largest value of a range.
-_LIMITS = {"height": (0.3, 30.0), "pitch_deg": (-60.0, 30.0), "roll_deg": (-30.0, 30.0), "fov_deg": (5.0, 150.0)}
+_LIMITS = {
+    "height": (0.3, 30.0),
+    "pitch_deg": (-60.0, 30.0),
+    "roll_deg": (-30.0, 30.0),
+    "fov_deg": (5.0, 150.0),
+}
 _LEAST_SIZE, _LARGEST_SIZE = 64, 8192
 
 
@@ -156,7 +167,9 @@ def _checked(name: str, given: Range) -> Range:
     low, high = (number(name, value) for value in given)
     least, most = _LIMITS[name]
     if not least <= low <= high <= most:
-        raise input_error(name, f"a range within {least:g}..{most:g}, the smaller value first", f"{low:g}..{high:g}")
+        raise input_error(
+            name, f"a range within {least:g}..{most:g}, the smaller value first", f"{low:g}..{high:g}"
+        )
     return low, high
 
 

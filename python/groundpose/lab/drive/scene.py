@@ -75,7 +75,8 @@ class Scene:
     """One frame.
 
     `pitch` and `roll` are the true tilt of the camera against the plane of the road under it, `height` its
-    metres above that plane, `mount` has the nominal tilt; `X_camera = R_camera_from_world @ X_world + t_camera_from_world`.
+    metres above that plane; `mount` has the nominal tilt;
+    `X_camera = R_camera_from_world @ X_world + t_camera_from_world`.
     """
 
     camera: Camera

@@ -27,6 +27,10 @@ DEFAULT_SHARES = {"car": 0.60, "van_bus": 0.15, "pickup": 0.11, "box_truck": 0.1
 """Relative frequency of each class of vehicle."""
 
 
+# Distances between moving vehicles before a camera on a mast, relative to those around a car.
+_DENSER = 0.5
+
+
 @dataclass(frozen=True, eq=False)
 class Actor:
     """A vehicle over a drive: `s`, `d` and `angle` to the road (positive to the right), one value per frame.
@@ -165,6 +169,8 @@ class _Maker:
         if own:
             start = float(ego.s[0]) + CAMERA_TO_FRONT
         headway, gap = rng.uniform(0.4, 1.4), rng.uniform(*ROAD_KINDS[self.road.layout.kind].gap)
+        if ego.standing:
+            headway, gap = _DENSER * headway, _DENSER * gap
         place = start
         while True:
             chosen = self.classes.draw(widest=lane.width - 0.15)
