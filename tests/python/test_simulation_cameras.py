@@ -7,10 +7,10 @@ import math
 import groundpose as gp
 import numpy as np
 import pytest
+from groundpose.calibration import read_kitti_projection
 from groundpose.cli.main import app
 from groundpose.cli.simulate import read_range, read_size
-from groundpose.formats.frames import read_frames
-from groundpose.formats.kitti.labels import read_kitti_projection
+from groundpose.formats.frames import read_frame
 from groundpose.lab.drive import CAMERA, RIGS, labels, scene, scene_seed
 from groundpose.lab.drive.ego import FRAMES_PER_DRIVE
 from groundpose.lab.drive.record import frame_line
@@ -21,7 +21,9 @@ from groundpose.lab.drive.write import write_drive
 from typer.testing import CliRunner
 
 SEED = scene_seed(5, "validation")
-ABOVE = rigs("mast", height=(8.0, 8.0), pitch_deg=(-30.0, -30.0), fov_deg=(70.0, 70.0), image_size=(1280, 720))
+ABOVE = rigs(
+    "mast", height=(8.0, 8.0), pitch_deg=(-30.0, -30.0), fov_deg=(70.0, 70.0), image_size=(1280, 720)
+)
 # Before there were rigs: SHA-256 of the lines of frames 0, 20 ... 180 with SEED.
 CAR_LINES = "f7fc2d5c5dab7f19bdba340f47ed12d3acc907e40da2f14831e12d8e7a9d85ad"
 
@@ -46,7 +48,12 @@ def test_mounts_stay_in_their_ranges():
     heights = np.array([m.height for m in found if m.height is not None])
     pitch, roll = (np.degrees([getattr(m, name) for m in found]) for name in ("pitch", "roll"))
     fov = np.degrees([m.fov for m in found])
-    for values, low, high in ((heights, 1.0, 12.0), (pitch, -45.0, 5.0), (roll, -5.0, 5.0), (fov, 20.0, 120.0)):
+    for values, low, high in (
+        (heights, 1.0, 12.0),
+        (pitch, -45.0, 5.0),
+        (roll, -5.0, 5.0),
+        (fov, 20.0, 120.0),
+    ):
         assert low <= values.min() < low + 0.1 * (high - low)
         assert high - 0.1 * (high - low) < values.max() <= high
     assert {m.camera.image_size for m in found} == set(SENSORS)
@@ -59,7 +66,9 @@ def test_mounts_stay_in_their_ranges():
 
 
 def test_ranges_of_the_caller_replace_those_of_the_rig():
-    among = rigs("car", height=(4.0, 6.0), pitch_deg=(-25.0, -15.0), roll_deg=(1.0, 2.0), fov_deg=(60.0, 60.0))
+    among = rigs(
+        "car", height=(4.0, 6.0), pitch_deg=(-25.0, -15.0), roll_deg=(1.0, 2.0), fov_deg=(60.0, 60.0)
+    )
     for made in from_mast(among=among):
         assert made.mount.standing
         assert 4.0 <= made.height <= 6.0
@@ -134,7 +143,8 @@ def test_files_hold_the_camera_of_their_frame(tmp_path):
     write_drive(tmp_path, 3, settings)
     lines = [json.loads(line) for line in (tmp_path / "labels.jsonl").read_text().splitlines()]
     sizes = set()
-    for line, frame in zip(lines, read_frames(tmp_path / "labels.jsonl"), strict=True):
+    for line in lines:
+        frame = read_frame(line)
         made = scene(SEED, line["id"], None, settings.rigs)
         assert frame.view.camera == made.camera
         assert math.degrees(frame.view.pitch) == pytest.approx(math.degrees(made.mount.pitch), abs=1e-5)
