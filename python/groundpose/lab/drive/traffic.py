@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error, number
 from groundpose.lab.drive.ego import CAMERA_TO_FRONT, FRAME_INTERVAL, Ego
-from groundpose.lab.drive.road import Junction, Lane, Parking, Road
+from groundpose.lab.drive.road import Junction, Lane, Lot, Parking, Road
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, wave
 from groundpose.lab.drive.splits import length_and_width, random_body
 from groundpose.vehicles import CLASSES
 
-AHEAD, BEHIND = 110.0, 14.0
+AHEAD, BEHIND = 150.0, 14.0
 """Lengths of road ahead of and behind the camera with traffic, metres."""
+
+# Vehicles of a lane are seen from afar, square-on and small: scale in metres of the distribution of `sight`.
+_LANE_REACH = 45.0
 
 DEFAULT_SHARES = {"car": 0.60, "van_bus": 0.15, "pickup": 0.11, "box_truck": 0.14}
 """Relative frequency of each class of vehicle."""
@@ -66,10 +69,11 @@ def traffic(
     """All vehicles of a drive in order of priority: where two would overlap, the later one is omitted."""
     maker = _Maker(rng, road, ego, Classes(rng, split, shares))
     parked = [actor for row in road.layout.parking for actor in maker.row(row)]
+    lots = [actor for lot in road.lots for row in lot.rows for actor in maker.row(row, lot)]
     cross = list(maker.junction(road.junction)) if road.junction is not None else []
     lanes = sorted(road.layout.lanes, key=lambda lane: abs(lane.d - ego.d[0]))
     moving = [actor for lane in lanes for actor in maker.stream(lane, own=lane is lanes[0])]
-    return (*parked, *cross, *moving)
+    return (*parked, *lots, *cross, *moving)
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,9 @@ class _Maker:
         angle: FloatArray | float,
         state: str | tuple[str, ...],
         braking: NDArray[np.bool_] | bool = False,
+        reach: float = 18.0,
     ) -> Actor:
+        """`reach` is the scale in metres of the distribution of `sight`."""
         frames = len(self.ego.s)
         s, d, angle = (np.array(np.broadcast_to(x, frames), float) for x in (s, d, angle))
         return Actor(
@@ -100,14 +106,17 @@ class _Maker:
             state=(state,) * frames if isinstance(state, str) else state,
             braking=np.array(np.broadcast_to(braking, frames), bool),
             lamps=float(self.rng.random()),
-            sight=float(18.0 + self.rng.gamma(1.4, 18.0)),
+            sight=float(18.0 + self.rng.gamma(1.4, reach)),
         )
 
-    def row(self, row: Parking) -> Iterator[Actor]:
-        """Vehicles parked in a row: parallel to the kerb, or with the front or the rear to it."""
+    def row(self, row: Parking, lot: Lot | None = None) -> Iterator[Actor]:
+        """Vehicles parked in a row, of a car park or along the road: parallel to the kerb, or with the front
+        or the rear to it."""
         rng, edge = self.rng, self.road.layout.edge(row.side)
-        place = float(self.ego.s[0]) - BEHIND - rng.uniform(0.0, row.pitch)
-        end = float(self.ego.s[-1]) + AHEAD
+        start, end = float(self.ego.s[0]) - BEHIND, float(self.ego.s[-1]) + AHEAD
+        if lot is not None:
+            start, end = max(start, lot.start), min(end, lot.end - row.pitch)
+        place = start - rng.uniform(0.0, row.pitch)
         while place < end:
             place += row.pitch
             if rng.random() >= row.occupancy or self._near_junction(place, 7.0):
@@ -162,7 +171,7 @@ class _Maker:
             if chosen[0]:
                 d = lane.d + rng.normal(0.0, 0.18) + 0.1 * wave(rng, t, (5.0, 12.0))
                 angle = rng.normal(0.0, math.radians(0.4), frames) + (0.0 if lane.direction > 0 else math.pi)
-                yield self._actor(chosen, place + moved, d, angle, "moving", braking)
+                yield self._actor(chosen, place + moved, d, angle, "moving", braking, _LANE_REACH)
             place += 0.5 * chosen[2]
 
     def junction(self, junction: Junction) -> Iterator[Actor]:
