@@ -213,9 +213,9 @@ def _median(road: Road, rng: Generator) -> list[Prop]:
 
 def _rails(road: Road, side: int, d: float) -> list[Prop]:
     """A crash barrier in pieces of 4 m, its beam towards the road."""
-    places = np.arange(road.start + 2.0, road.end, 4.0)
+    kept = [s for s in np.arange(road.start + 2.0, road.end, 4.0).tolist() if not _crossed(road, s, 2.0)]
     turn = 0.0 if side > 0 else np.pi
-    return [_placed(road, "rail", 0, s, side * d, turn, (0.35, 0.75, 4.02)) for s in places.tolist()]
+    return [_placed(road, "rail", 0, s, side * d, turn, (0.35, 0.75, 4.02)) for s in kept]
 
 
 def _thing(

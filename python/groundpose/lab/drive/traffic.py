@@ -22,6 +22,8 @@ AHEAD, BEHIND = 150.0, 14.0
 # Vehicles of a lane are seen from afar, square-on and small: scale in metres of the distribution of `sight`.
 _LANE_REACH = 45.0
 
+_BRAKED = 1.0  # deceleration of a vehicle whose brake lamps are on, m/s^2; less needs no brake
+
 DEFAULT_SHARES = {"car": 0.60, "van_bus": 0.15, "pickup": 0.11, "box_truck": 0.14}
 """Relative frequency of each class of vehicle."""
 
@@ -151,11 +153,11 @@ class _Maker:
         frames = len(ego.s)
         t = FRAME_INTERVAL * np.arange(frames, dtype=np.float64)
         if own:
-            moved, braking, speed = ego.s - ego.s[0], ego.acceleration < -0.6, float(ego.speed.mean())
+            moved, braking, speed = ego.s - ego.s[0], ego.acceleration < -_BRAKED, float(ego.speed.mean())
         else:
             v = np.clip(lane.speed * (1.0 + 0.25 * wave(rng, t, (8.0, 30.0))), 0.0, None)
             moved = lane.direction * np.concatenate([[0.0], np.cumsum(v[:-1]) * FRAME_INTERVAL])
-            braking, speed = np.gradient(v, FRAME_INTERVAL) < -0.6, float(v.mean())
+            braking, speed = np.gradient(v, FRAME_INTERVAL) < -_BRAKED, float(v.mean())
         start = float((ego.s - moved).min()) - BEHIND
         end = float((ego.s - moved).max()) + AHEAD
         if own:

@@ -58,7 +58,7 @@ def develop(linear: Radiance, scene: Scene, window: Window, rng: np.random.Gener
     """The picture (H, W, 3) uint8 of radiance (H, W, 3) drawn for a window of the frame."""
     assert scene.camera.image_size is not None
     scale, gain = window.width / (window.right - window.left), _GAINS.get(scene.light.kind, 1.0)
-    shot = Shot(scene.light.exposure, window, scene.camera.image_size, scale, gain, rng)
+    shot = Shot(scene.light.exposure, window, scene.camera.image_size, scale, rng, gain)
     picture = linear
     for chance, stage in STAGES:
         # Each stage has its own numbers even if it is not used, so that stages do not affect each other.
@@ -77,7 +77,7 @@ STAGES: tuple[tuple[float, Stage], ...] = (
     (0.7, lens.glow),
     (0.8, lens.vignette),
     (0.25, lens.motion),
-    (0.04, lens.wet_glass),
+    (0.03, lens.wet_glass),
     (0.75, lens.defocus),
     (0.5, lens.fringe),
     (0.95, sensor.noise),

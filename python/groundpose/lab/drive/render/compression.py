@@ -33,7 +33,7 @@ def video(picture: Image, shot: Shot) -> Image:
     """A stream of few bits per pixel, smoothed over its blocks' edges, often at a lower resolution and then
     compressed again."""
     height, width = picture.shape[:2]
-    factor, quality = shot.rng.choice([1.0, 1.0, 0.75, 0.667, 0.5]), int(shot.rng.integers(15, 50))
+    factor, quality = shot.rng.choice([1.0, 1.0, 1.0, 0.75, 0.6]), int(shot.rng.integers(20, 55))
     size = max(_BLOCK, round(width * factor)), max(_BLOCK, round(height * factor))
     small = Pillow.fromarray(picture).resize(size, Pillow.Resampling.BILINEAR)
     streamed = _deblocked(_jpeg(np.asarray(small), shot, quality, 2), shot)

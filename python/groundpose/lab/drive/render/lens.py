@@ -12,7 +12,7 @@ from groundpose.lab.drive.render.shot import Shot
 
 def fog(x: Radiance, shot: Shot) -> Radiance:
     """A veil of scattered light; the light of the scene decides its brightness."""
-    density = np.float32(shot.rng.uniform(0.1, 0.6))
+    density = np.float32(shot.rng.uniform(0.1, 0.5))
     air = np.float32(shot.rng.uniform(0.8, 1.6)) * x.mean(axis=(0, 1))
     return np.asarray(x * (1 - density) + density * air)
 
@@ -63,7 +63,7 @@ def vignette(x: Radiance, shot: Shot) -> Radiance:
 
 def motion(x: Radiance, shot: Shot) -> Radiance:
     """Motion blur along a random, mostly horizontal direction."""
-    length = min(shot.rng.exponential(1.6), 8.0) * shot.scale
+    length = min(shot.rng.exponential(1.2), 8.0) * shot.scale
     angle = shot.rng.normal(0.0, 0.4)
     taps = int(np.clip(math.ceil(length), 1, 15)) + 1
     out = np.zeros_like(x)

@@ -61,7 +61,7 @@ def mosaic(x: Radiance, shot: Shot) -> Radiance:
 def tone(x: Radiance, shot: Shot) -> Radiance:
     """Black level, clipping and the display curve, with a camera maker's contrast and colour."""
     black = np.float32(0.02 * shot.rng.random() ** 3)
-    y = curve((x - black) / (1 - black), float(shot.rng.triangular(0.0, 0.6, 1.3)))
+    y = curve((x - black) / (1 - black), float(shot.rng.triangular(0.0, 0.7, 1.3)))
     grey = y.mean(axis=2, keepdims=True)
     return np.asarray(np.clip(grey + np.float32(shot.rng.normal(1.12, 0.25)) * (y - grey), 0.0, 1.0))
 

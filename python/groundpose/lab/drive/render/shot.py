@@ -13,15 +13,15 @@ from groundpose.lab.drive.render.view import Window
 
 @dataclass
 class Shot:
-    """One exposure: where it lies in the frame, drawn pixels per pixel of the frame, the amplification of the
-    sensor (1 by day), its generator."""
+    """One exposure: where it lies in the frame, drawn pixels per pixel of the frame, its generator, the
+    amplification of the sensor (1 by day)."""
 
     exposure: float
     window: Window
     frame: tuple[int, int]
     scale: float
-    gain: float
     rng: np.random.Generator
+    gain: float = 1.0
 
     def corner(self, cell: int) -> tuple[int, int]:
         """Column and row of the window's first pixel within its cell of `cell` x `cell` pixels of the frame;
