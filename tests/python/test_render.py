@@ -5,12 +5,13 @@ import dataclasses
 import groundpose as gp
 import numpy as np
 import pytest
+from groundpose.lab.drive import props
 from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.labels import labels
 from groundpose.lab.drive.render import Renderer, camera
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.view import Window
-from groundpose.lab.drive.scene import Light, Scene
+from groundpose.lab.drive.scene import Light, Prop, Scene
 from groundpose.lab.drive.splits import scene_seed
 from groundpose.lab.drive.surroundings import light
 from PIL import Image
@@ -129,6 +130,24 @@ def test_lamps_shine(renderer, street):
     on = renderer.frame(dataclasses.replace(street, vehicles=(lit,)), effects=False).astype(int)
     off = renderer.frame(street, effects=False).astype(int)
     assert (on - off).max() > 60
+
+
+@pytest.mark.parametrize(("fence", "seen"), [("planks", False), ("railing", True), ("wire", True)])
+def test_a_vehicle_is_seen_through_bars_only(renderer, street, fence, seen):
+    car = street.vehicles[0].t_world
+    between = car + 0.7 * (street.camera_position - car)
+    foot = np.array([between[0], car[1], between[2]])
+    away = (car - street.camera_position)[[0, 2]]
+    across = float(np.arctan2(away[0], away[1])) + 0.5 * np.pi
+    prop = Prop("fence", props.FENCES.index(fence), foot, across, np.array([0.05, 4.0, 20.0]))
+    dull = dataclasses.replace(street.light, sun_strength=0.0)
+    fenced = dataclasses.replace(street, props=(prop,), light=dull)
+    empty = dataclasses.replace(fenced, vehicles=())
+    both = [renderer.frame(s, effects=False).astype(int) for s in (fenced, empty)]
+    (label,) = labels(dataclasses.replace(street, props=()))
+    left, top, right, bottom = label.bbox.astype(int)
+    inside = np.abs(both[0] - both[1]).max(axis=2)[top + 3 : bottom - 3, left + 3 : right - 3] > 6
+    assert (inside.mean() > 0.3) if seen else (inside.mean() == 0.0)
 
 
 @pytest.mark.parametrize(

@@ -56,8 +56,44 @@ def test_props_stand_beside_the_road(kind):
         assert (a.kind, a.seed, a.yaw) == (b.kind, b.seed, b.yaw)
         np.testing.assert_array_equal(a.position, b.position)
     _, d = road.locate([p.position[0] for p in made], [p.position[2] for p in made])
-    assert (np.where(d > 0, d - road.layout.right, -d - road.layout.left) > 0.2).all()
+    beside_the_road = np.where(d > 0, d - road.layout.right, -d - road.layout.left) > 0.2
+    in_the_middle = np.abs(d) < road.layout.median - 0.1
+    assert (beside_the_road | in_the_middle).all()
     assert {p.kind for p in made} <= set(props.MAKERS)
+
+
+def test_a_road_with_two_carriageways_has_something_between_them():
+    found = set()
+    for seed in range(30):
+        road = make_road(np.random.default_rng(seed), "avenue", 150.0)
+        made = beside(road, np.random.default_rng(seed))
+        _, d = road.locate([p.position[0] for p in made], [p.position[2] for p in made])
+        middle = [p for p, at in zip(made, d, strict=True) if abs(at) < 0.25]
+        assert not middle or road.layout.median > 0.0
+        assert all(p.size[1] < 1.7 for p in middle)  # oncoming roofs stay visible
+        found |= {p.kind for p in middle}
+    assert found == {"fence", "hedge", "rail"}
+
+
+def test_cars_of_a_car_park_are_seen_over_or_through_what_is_before_them():
+    found = set()
+    for seed in range(40):
+        road = make_road(np.random.default_rng(seed), "yard", 150.0)
+        for p in beside(road, np.random.default_rng(seed)) if road.lots else ():
+            s, d = (float(a[0]) for a in road.locate(*p.position[[0, 2]]))
+            for lot in road.lots:
+                side = lot.rows[0].side
+                if lot.start + 16.0 < s < lot.end - 16.0 and 0.0 < side * d < abs(lot.rows[0].d):
+                    found.add(p.kind)
+    assert {"fence", "hedge", "wall"} <= found
+
+
+def test_fences_of_bars_cover_a_part():
+    covers = {name: props.cover("fence", i) for i, name in enumerate(props.FENCES)}
+    assert covers["planks"] == 1.0
+    assert 0.05 < covers["wire"] < covers["railing"] < covers["pickets"] < 0.8
+    assert props.mesh("fence", props.FENCES.index("railing")).solid == 0
+    assert props.mesh("fence", props.FENCES.index("planks")).solid > 0
 
 
 @pytest.mark.parametrize("kind", list(props.MAKERS))

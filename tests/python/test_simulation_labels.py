@@ -6,9 +6,10 @@ import math
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.lab.drive import HIDDEN, OUTSIDE, VISIBLE, labels, scene, scene_seed
+from groundpose.lab.drive import HIDDEN, OUTSIDE, VISIBLE, labels, props, scene, scene_seed
 from groundpose.lab.drive.labels import own_body_hides
 from groundpose.lab.drive.road import STEP
+from groundpose.lab.drive.scene import Prop
 from groundpose.lab.drive.silhouette import NEAR, Region, outline
 from groundpose.lab.drive.solids import solid
 from groundpose.lab.drive.splits import body
@@ -88,6 +89,24 @@ def test_box_of_a_vehicle_beside_the_camera_is_cut(stage):
     assert label.truncation == pytest.approx(1.0 - inside)
     assert label.truncation > 0.5
     assert labels(with_vehicles(stage, parked(stage, "car", 0.0, -8.0, 0.0))) == []
+
+
+@pytest.mark.parametrize(("fence", "hidden"), [("planks", 1.0), ("railing", 0.3), ("wire", 0.2)])
+def test_a_car_behind_a_fence_is_hidden_as_far_as_its_bars_reach(stage, fence, hidden):
+    car = parked(stage, "car", 0.0, 14.0, 90.0)
+    before = parked(stage, "car", 0.0, 9.0, 0.0)
+    size = np.array([0.05, 4.0, 30.0])
+    yaw = math.atan2(stage.R_camera_from_world[0, 0], stage.R_camera_from_world[0, 2])
+    prop = Prop("fence", props.FENCES.index(fence), before.t_world, yaw, size)
+    found = labels(dataclasses.replace(stage, vehicles=(car,), props=(prop,)))
+    if hidden == 1.0:
+        assert found == []
+        return
+    [label] = found
+    assert label.occluded_share == pytest.approx(hidden, abs=0.1)
+    assert label.occluded_share == pytest.approx(props.cover("fence", prop.seed), abs=0.02)
+    [free] = labels(dataclasses.replace(stage, vehicles=(car,), props=()))
+    np.testing.assert_array_equal(label.keypoint_states, free.keypoint_states)
 
 
 def test_keypoints_lie_in_the_unclipped_box_and_states_in_the_image(frames):

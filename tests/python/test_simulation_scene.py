@@ -40,6 +40,36 @@ def apart(a, b):
     return False
 
 
+def test_car_parks_lie_beside_the_pavement_and_not_in_the_crossing_street():
+    found = 0
+    for seed in range(30):
+        road = make_road(np.random.default_rng(seed), "street", 150.0)
+        for lot in road.lots:
+            found += 1
+            edge = road.layout.edge(lot.rows[0].side) + road.layout.pavement
+            for row in lot.rows:
+                assert abs(row.d) - 0.5 * row.depth > edge
+                assert abs(row.d) + 0.5 * row.depth < road.layout.extent
+            if road.junction is not None:
+                assert not lot.start < road.junction.s < lot.end
+    assert found > 5
+
+
+def test_cars_stand_in_car_parks():
+    parked = 0
+    for index in range(12):
+        made = scene(SEED, FRAMES_PER_DRIVE * index + 10)
+        places = np.array([v.t_world for v in made.vehicles]).reshape(-1, 3)
+        s, d = made.road.locate(places[:, 0], places[:, 2])
+        for lot in made.road.lots:
+            rows = [row.d for row in lot.rows]
+            for vehicle, at, across in zip(made.vehicles, s, d, strict=True):
+                if lot.start - 3.0 < at < lot.end and np.abs(across - rows).min() < 1.0:
+                    assert vehicle.state == "parked"
+                    parked += 1
+    assert parked > 5
+
+
 def test_a_frame_depends_on_its_arguments_only(scenes):
     again = scene(SEED, FRAMES[2])
     before = scenes[2]

@@ -23,6 +23,8 @@ _NO_LABEL = 0.98
 
 # A surface at most this far in front of a keypoint counts as its own surface, metres.
 _SKIN = 0.03
+# A point behind bars that cover less than this fraction is visible.
+_BARS = 0.5
 # Number of points on the road sampled between camera and vehicle.
 _GROUND_SAMPLES = 24
 
@@ -146,10 +148,15 @@ def _hidden_fraction(scene: Scene, sight: Sight, hiders: list[Sight], road_row: 
     total = np.count_nonzero(own)
     if total == 0:
         return 0.0
-    hidden = own & region.below(road_row, scene.mount.roll)
-    if hiders:
-        hidden |= own & region.mask(np.concatenate([hider.polygons for hider in hiders]))
-    return float(np.count_nonzero(hidden) / total)
+    clear = own & ~region.below(road_row, scene.mount.roll)
+    whole = [hider.polygons for hider in hiders if hider.cover == 1.0]
+    if whole:
+        clear &= ~region.mask(np.concatenate(whole))
+    open_ = clear.astype(float)
+    for hider in hiders:
+        if hider.cover < 1.0:
+            open_ *= 1.0 - hider.cover * region.mask(hider.polygons)
+    return float(1.0 - open_.sum() / total)
 
 
 def _road_rows(scene: Scene, seen: list[Sight]) -> FloatArray:
@@ -189,6 +196,8 @@ def _states(
         below(scene.mount.roll, *pixels[rows].T) > road_row
     )
     for hider in hiders:
+        if hider.cover < _BARS:
+            continue
         near = np.flatnonzero(((pixels[rows] >= hider.box[:2]) & (pixels[rows] <= hider.box[2:])).all(axis=1))
         hidden[near] |= inside(hider.polygons, pixels[rows[near]])
     states[rows[hidden]] = HIDDEN

@@ -13,7 +13,20 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose.lab.drive.props_shapes import WHITE, Colour, Mesh, Surface, ball, box, cards, join, quad, tube
+from groundpose.lab.drive.props_shapes import (
+    WHITE,
+    Colour,
+    Mesh,
+    Surface,
+    ball,
+    box,
+    cards,
+    join,
+    quad,
+    tube,
+    with_holes,
+)  # fmt: skip
+from groundpose.lab.drive.render import textures
 
 
 def _crown(
@@ -127,9 +140,19 @@ def _wall(name: str) -> Callable[[np.random.Generator], Mesh]:
 def _fence(name: str) -> Callable[[np.random.Generator], Mesh]:
     def make(rng: np.random.Generator) -> Mesh:
         corners = [(0, 0, -0.5), (0, 0, 0.5), (0, -1, 0.5), (0, -1, -0.5)]
-        return quad(corners, (1, 0, 0), Surface(name, 1.8))
+        made = quad(corners, (1, 0, 0), Surface(name, 1.8))
+        return with_holes(made) if _opacity(name) < 1.0 else made
 
     return make
+
+
+@cache
+def _opacity(name: str) -> float:
+    """Mean opacity of a picture."""
+    return float(textures.layers()[textures.layer(name), ..., 3].mean()) / 255.0
+
+
+FENCES = ("planks", "railing", "planks", "pickets", "wire", "railing")
 
 
 METAL: Colour = (0.30, 0.31, 0.31)
@@ -266,7 +289,7 @@ MAKERS: dict[str, tuple[Callable[[np.random.Generator], Mesh], ...]] = {
         _house("shuttered", False, "shop"),
     ),
     "wall": tuple(_wall(name) for name in WALL_KINDS),
-    "fence": (_fence("planks"), _fence("railing"), _fence("planks")),
+    "fence": tuple(_fence(name) for name in FENCES),
     "rail": (_rail,),
     "pole": (_pole,),
     "bollard": (_post,),
@@ -306,6 +329,11 @@ def mesh(kind: str, variant: int) -> Mesh:
 def variant(kind: str, seed: int) -> int:
     """Which mesh a prop's seed picks."""
     return seed % len(MAKERS[kind])
+
+
+def cover(kind: str, variant: int) -> float:
+    """Fraction of a thing's outline that is not seen through: below 1 for fences of bars and wires."""
+    return _opacity(FENCES[variant]) if kind == "fence" else 1.0
 
 
 def tint(kind: str, seed: int) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,6 +70,11 @@ def box(low: Colour, high: Colour, surface: Surface, top: Surface | None = None)
     ]
     looks = [surface] * 4 + [top or surface]
     return join([quad(corners, n, s) for (corners, n), s in zip(sides, looks, strict=True)])
+
+
+def with_holes(mesh: Mesh) -> Mesh:
+    """The mesh with the holes of its pictures."""
+    return replace(mesh, solid=0)
 
 
 def quad(corners: ArrayLike, normal: ArrayLike, surface: Surface) -> Mesh:

@@ -59,6 +59,19 @@ class Junction:
 
 
 @dataclass(frozen=True)
+class Lot:
+    """A car park beside the road from s = `start` to `end`."""
+
+    start: float
+    end: float
+    rows: tuple[Parking, ...]
+
+    def meets(self, side: int, start: float, end: float) -> bool:
+        """Whether it lies beside a section of the right (+1) or left (-1) edge."""
+        return self.rows[0].side == side and start < self.end and end > self.start
+
+
+@dataclass(frozen=True)
 class Layout:
     """The cross-section. `left` and `right` are the distances of the road's two edges (kerbs, if `kerb`) from
     the centre line, `pavement` the width of the pavement beyond, `median` half the width of a grass strip in
@@ -102,6 +115,7 @@ class Road:
     bank: FloatArray
     crown: FloatArray
     junction: Junction | None = None
+    lots: tuple[Lot, ...] = ()
 
     def __post_init__(self) -> None:
         """Join the columns in one table, so that one look-up interpolates them all."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from groundpose._checks import FloatArray
-from groundpose.lab.drive.road import STEP, Junction, Lane, Layout, Parking, Road, centre_line
+from groundpose.lab.drive.road import STEP, Junction, Lane, Layout, Lot, Parking, Road, centre_line
 
 BEHIND = 60.0
 """Metres of road behind the start."""
@@ -36,6 +36,7 @@ class RoadKind:
     median: tuple[float, float] = (0.0, 0.0)
     shoulder: float = 0.0
     junctions: float = 0.0
+    lots: float = 0.0
     gap: tuple[float, float] = (8.0, 40.0)
 
 
@@ -55,6 +56,7 @@ ROAD_KINDS = {
         parking={"parallel": 0.62, "angled": 0.08, "perpendicular": 0.12, "none": 0.18},
         pavement=(1.8, 4.0),
         junctions=0.6,
+        lots=0.3,
         gap=(6.0, 35.0),
     ),
     "avenue": RoadKind(
@@ -71,6 +73,7 @@ ROAD_KINDS = {
         pavement=(2.5, 6.0),
         median=(0.0, 2.0),
         junctions=0.65,
+        lots=0.5,
         gap=(6.0, 30.0),
     ),
     "country": RoadKind(
@@ -101,6 +104,7 @@ ROAD_KINDS = {
         kerb=False,
         median=(1.0, 2.5),
         shoulder=2.5,
+        lots=0.15,
         gap=(10.0, 45.0),
     ),
     "yard": RoadKind(
@@ -115,6 +119,7 @@ ROAD_KINDS = {
         roughness=(0.9, 1.8),
         parking={"perpendicular": 0.75, "angled": 0.25},
         pavement=(1.0, 2.0),
+        lots=1.0,
         gap=(15.0, 60.0),
     ),
 }
@@ -128,6 +133,9 @@ _PARKING = {
     "angled": (math.radians(60), 5.2, 3.3),
     "perpendicular": (math.pi / 2, 5.1, 2.75),
 }
+
+# Distances of the rows of a car park from its first, metres: the second across an aisle, the third behind it.
+_LOT_ROWS = (0.0, 11.0, 16.2)
 
 # Duration of a drive, seconds.
 _SECONDS = 10.0
@@ -165,6 +173,7 @@ def make_road(rng: np.random.Generator, kind: str, length: float, rows: bool = F
         bank=free * np.clip(bank, -0.08, 0.08),
         crown=free * rng.uniform(*made.crown),
         junction=junction,
+        lots=_lots(rng, made, layout, junction, length),
     )
 
 
@@ -248,6 +257,30 @@ def _junction(rng: np.random.Generator, made: RoadKind, layout: Layout, length: 
     s = float(np.round(rng.uniform(25.0, min(40.0 + _SECONDS * layout.lanes[0].speed, length - 60.0))))
     half_width = float(rng.uniform(3.2, 5.0))
     return Junction(s, half_width, max(layout.left, layout.right) + 32.0, bool(rng.random() < 0.5))
+
+
+def _lots(
+    rng: np.random.Generator, made: RoadKind, layout: Layout, junction: Junction | None, length: float
+) -> tuple[Lot, ...]:
+    """Car parks behind the pavement: one row, two that face each other, or three."""
+    angle, depth, pitch = _PARKING["perpendicular"]
+    out: list[Lot] = []
+    for side in (-1, 1):
+        for _ in range(rng.poisson(made.lots * length / 100.0)):
+            start, along = rng.uniform(0.0, length - 50.0), rng.uniform(15.0, 50.0)
+            first = layout.edge(side) + layout.pavement + rng.uniform(1.2, 4.0) + 0.5 * depth
+            taken, count = rng.uniform(0.5, 0.98), int(rng.integers(1, len(_LOT_ROWS) + 1))
+            rows = [Parking(side * (first + d), side, pitch, angle, depth, taken) for d in _LOT_ROWS[:count]]
+            lot = Lot(start, start + along, tuple(rows))
+            taken_by_others = any(other.meets(side, lot.start, lot.end) for other in out)
+            if not taken_by_others and (junction is None or not _beside(lot, junction)):
+                out.append(lot)
+    return tuple(out)
+
+
+def _beside(lot: Lot, junction: Junction) -> bool:
+    reach = junction.half_width + 4.0
+    return lot.start < junction.s + reach and lot.end > junction.s - reach
 
 
 def _free(s: FloatArray, junction: Junction | None) -> FloatArray:

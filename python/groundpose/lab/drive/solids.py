@@ -23,9 +23,6 @@ _BODY_SLABS = 16
 _SMALL_PART = 0.3
 # Things with a stem are cut across their height; the others are nearly convex as a whole.
 _PROP_SLABS = {"tree": 8, "bush": 3, "sign": 10, "traffic_light": 6, "pole": 8, "person": 8, "cyclist": 6}
-# Things that one can see through.
-_SEE_THROUGH = (("fence", 1),)
-
 
 # Parts behind glass hide nothing that the glass does not hide already.
 _BEHIND_GLASS = ("interior", "seat")
@@ -111,6 +108,6 @@ def prop_corners(props_: Sequence[Prop]) -> FloatArray:
     return np.asarray(turned + np.array([prop.position for prop in props_])[:, None])
 
 
-def opaque(prop: Prop) -> bool:
-    """Whether a thing hides what is behind it."""
-    return (prop.kind, props.variant(prop.kind, prop.seed)) not in _SEE_THROUGH
+def cover(prop: Prop) -> float:
+    """Fraction of what is behind its outline that a thing hides; below 1 for bars and wires."""
+    return props.cover(prop.kind, props.variant(prop.kind, prop.seed))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from groundpose._checks import input_error
 from groundpose.lab.drive.assets import SKIES, environments, skies
+from groundpose.lab.drive.frontages import FRONTAGES, LOTS, MEDIAN_TOP, MEDIANS, Frontage
 from groundpose.lab.drive.props import CONCRETE, MAKERS
 from groundpose.lab.drive.render.lighting import DAY, KINDS
 from groundpose.lab.drive.road import Road
@@ -42,59 +43,6 @@ def light(rng: Generator, split: str = "train") -> Light:
     )
 
 
-@dataclass(frozen=True)
-class Frontage:
-    """The things along a section of one side: `line` at the edge of the property, `behind` farther away.
-
-    line, behind: kinds of things, None for nothing; setback: metres from the pavement to the things behind;
-    height, depth: of the things behind (a house, trees).
-    """
-
-    line: str | None
-    behind: str | None
-    setback: tuple[float, float] = (0.0, 0.5)
-    height: tuple[float, float] = (6.0, 16.0)
-    depth: tuple[float, float] = (8.0, 14.0)
-
-
-HOUSES = Frontage(None, "building")
-TOWN = Frontage(None, "building", (0.0, 1.0), (10.0, 24.0), (10.0, 16.0))
-GARDEN = Frontage("hedge", "building", (4.0, 9.0), (5.5, 10.0))
-FENCED = Frontage("fence", "building", (3.0, 8.0), (5.5, 11.0))
-WALLED = Frontage("wall", "tree", (2.0, 5.0), (7.0, 14.0))
-HEDGED = Frontage("hedge", "tree", (2.0, 6.0), (6.0, 13.0))
-GREEN = Frontage("bush", "tree", (2.0, 10.0), (6.0, 16.0))
-WOOD = Frontage("tree", "tree", (3.0, 9.0), (8.0, 18.0))
-BARRIER = Frontage("barrier", "tree", (3.0, 8.0), (6.0, 14.0))
-HALL = Frontage("fence", "building", (6.0, 16.0), (5.0, 9.0), (15.0, 25.0))
-OPEN = Frontage(None, None)
-
-# By kind of road: frontages and their weights.
-FRONTAGES: dict[str, tuple[tuple[Frontage, float], ...]] = {
-    "street": (
-        (HOUSES, 5),
-        (TOWN, 3),
-        (GARDEN, 4),
-        (FENCED, 3),
-        (WALLED, 2),
-        (HEDGED, 2),
-        (GREEN, 1),
-        (OPEN, 0.3),
-    ),
-    "avenue": (
-        (TOWN, 4),
-        (HOUSES, 2),
-        (GREEN, 3),
-        (HEDGED, 2),
-        (FENCED, 1),
-        (HALL, 2),
-        (WALLED, 1),
-        (OPEN, 1),
-    ),
-    "country": ((WOOD, 3), (GREEN, 3), (HEDGED, 1), (OPEN, 3), (FENCED, 0.5)),
-    "motorway": ((BARRIER, 2), (GREEN, 4), (WOOD, 2), (OPEN, 3)),
-    "yard": ((HALL, 4), (HEDGED, 2), (TOWN, 1), (FENCED, 1), (GREEN, 2)),
-}
 # Things in a row on the edge of the pavement: mean distance in metres (0 = none); probability for each side.
 ROWS: dict[str, tuple[tuple[str, float, float], ...]] = {
     "street": (
@@ -146,7 +94,7 @@ def props(road: Road, rng: Generator) -> tuple[Prop, ...]:
         for side in (-1, 1):
             s, d = j.s - side * (j.half_width + 1.0), side * (road.layout.edge(side) + 0.6)
             out.append(_thing(road, rng, "traffic_light", s, d, 0.0 if side > 0 else np.pi))
-    return tuple(out)
+    return (*out, *_median(road, rng))
 
 
 def _fronts(road: Road, rng: Generator, side: int, back: float) -> list[Prop]:
@@ -159,11 +107,13 @@ def _fronts(road: Road, rng: Generator, side: int, back: float) -> list[Prop]:
         length = rng.uniform(9.0, 32.0)
         middle = s + 0.5 * length
         front = choices[rng.choice(len(choices), p=weights / weights.sum())]
+        if any(lot.meets(side, s, s + length) for lot in road.lots):
+            front = LOTS[rng.integers(len(LOTS))]
         s += length + (rng.uniform(0.0, 5.0) if rng.random() < 0.4 else 0.0)
         if _crossed(road, middle, 0.5 * length):
             continue
         if front.line is not None:
-            out += _line(road, rng, front.line, middle - 0.5 * length, length, side * back)
+            out += _line(road, rng, front, middle - 0.5 * length, length, side * back)
         if front.behind is not None:
             out += _behind(road, rng, front, middle, length, side, back)
     return out
@@ -174,8 +124,10 @@ def _crossed(road: Road, s: float, reach: float) -> bool:
     return road.junction is not None and abs(s - road.junction.s) < road.junction.half_width + 2.0 + reach
 
 
-def _line(road: Road, rng: Generator, kind: str, start: float, length: float, d: float) -> list[Prop]:
+def _line(road: Road, rng: Generator, front: Frontage, start: float, length: float, d: float) -> list[Prop]:
     """A hedge, wall or fence in pieces that follow the road, or single trees and bushes."""
+    kind = front.line
+    assert kind is not None
     if kind in ("tree", "bush"):
         n = rng.poisson(length / (5.0 if kind == "tree" else 2.0))
         places = (start + length * rng.random(n)).tolist()
@@ -184,7 +136,8 @@ def _line(road: Road, rng: Generator, kind: str, start: float, length: float, d:
         "hedge": (0.9, 0.9, 2.4), "fence": (0.05, 0.9, 2.0), "wall": (0.3, 0.8, 2.6),
         "barrier": (0.3, 2.0, 4.5),
     }[kind]  # fmt: skip
-    height, seed, pieces = rng.uniform(low, high), int(rng.integers(2**31)), max(1, round(length / 4.0))
+    height, seed = rng.uniform(low, min(high, front.top)), int(rng.integers(2**31))
+    pieces = max(1, round(length / 4.0))
     step = length / pieces
     name = "wall" if kind == "barrier" else kind
     seed = seed - seed % len(MAKERS["wall"]) + CONCRETE if kind == "barrier" else seed
@@ -241,11 +194,28 @@ def _people(road: Road, rng: Generator, side: int, edge: float) -> list[Prop]:
     return out
 
 
+def _median(road: Road, rng: Generator) -> list[Prop]:
+    """What separates the two directions, in sections."""
+    if road.layout.median == 0.0:
+        return []
+    kinds = MEDIANS[road.layout.kind]
+    kind = str(rng.choice(list(kinds), p=list(kinds.values())))
+    if kind == "none":
+        return []
+    if kind == "rail":
+        return [p for side in (-1, 1) for p in _rails(road, side, -0.2)]
+    front, length, out = Frontage(kind, None, top=MEDIAN_TOP), 24.0, []
+    for s in np.arange(road.start, road.end - length, length).tolist():
+        if not _crossed(road, s + 0.5 * length, 0.5 * length):
+            out += _line(road, rng, front, s, length, 0.0)
+    return out
+
+
 def _rails(road: Road, side: int, d: float) -> list[Prop]:
     """A crash barrier in pieces of 4 m, its beam towards the road."""
-    places = np.arange(road.start + 2.0, road.end, 4.0)
+    kept = [s for s in np.arange(road.start + 2.0, road.end, 4.0).tolist() if not _crossed(road, s, 2.0)]
     turn = 0.0 if side > 0 else np.pi
-    return [_placed(road, "rail", 0, s, side * d, turn, (0.35, 0.75, 4.02)) for s in places.tolist()]
+    return [_placed(road, "rail", 0, s, side * d, turn, (0.35, 0.75, 4.02)) for s in kept]
 
 
 def _thing(

@@ -12,16 +12,21 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray, input_error, number
 from groundpose.lab.drive import mast
 from groundpose.lab.drive.ego import CAMERA_TO_FRONT, FRAME_INTERVAL, Ego
-from groundpose.lab.drive.road import Junction, Lane, Parking, Road
+from groundpose.lab.drive.road import Junction, Lane, Lot, Parking, Road
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, wave
 from groundpose.lab.drive.splits import length_and_width, random_body
 from groundpose.vehicles import CLASSES
 
-AHEAD, BEHIND = 110.0, 14.0
+AHEAD, BEHIND = 150.0, 14.0
 """Lengths of road ahead of and behind a moving camera with traffic, metres."""
 
 # A vehicle appears within a random distance: least, and the scale of a gamma distribution of shape 1.4.
 _SIGHT, _SIGHT_FROM_MAST = (18.0, 18.0), (35.0, 35.0)
+
+# Vehicles of a lane are seen from afar, square-on and small: scale in metres of the distribution of `sight`.
+_LANE_REACH = 45.0
+
+_BRAKED = 1.0  # deceleration of a vehicle whose brake lamps are on, m/s^2; less needs no brake
 
 DEFAULT_SHARES = {"car": 0.60, "van_bus": 0.15, "pickup": 0.11, "box_truck": 0.14}
 """Relative frequency of each class of vehicle."""
@@ -79,11 +84,12 @@ def traffic(
     """All vehicles of a drive in order of priority: where two would overlap, the later one is omitted."""
     maker = _Maker(rng, road, ego, Classes(rng, split, shares))
     parked = [actor for row in road.layout.parking for actor in maker.row(row)]
+    lots = [actor for lot in road.lots for row in lot.rows for actor in maker.row(row, lot)]
     cross = list(maker.junction(road.junction)) if road.junction is not None else []
     lanes = sorted(road.layout.lanes, key=lambda lane: abs(lane.d - ego.d[0]))
     own = None if ego.standing else lanes[0]
     moving = [actor for lane in lanes for actor in maker.stream(lane, own=lane is own)]
-    return (*parked, *cross, *moving)
+    return (*parked, *lots, *cross, *moving)
 
 
 @dataclass(frozen=True)
@@ -101,7 +107,9 @@ class _Maker:
         angle: FloatArray | float,
         state: str | tuple[str, ...],
         braking: NDArray[np.bool_] | bool = False,
+        sight_scale: float = 0.0,
     ) -> Actor:
+        """`sight_scale`: least scale in metres of the distribution of `sight`."""
         frames = len(self.ego.s)
         least, scale = _SIGHT_FROM_MAST if self.ego.standing else _SIGHT
         s, d, angle = (np.array(np.broadcast_to(x, frames), float) for x in (s, d, angle))
@@ -115,15 +123,18 @@ class _Maker:
             state=(state,) * frames if isinstance(state, str) else state,
             braking=np.array(np.broadcast_to(braking, frames), bool),
             lamps=float(self.rng.random()),
-            sight=float(least + self.rng.gamma(1.4, scale)),
+            sight=float(least + self.rng.gamma(1.4, max(scale, sight_scale))),
         )
 
-    def row(self, row: Parking) -> Iterator[Actor]:
-        """Vehicles parked in a row: parallel to the kerb, or with the front or the rear to it."""
+    def row(self, row: Parking, lot: Lot | None = None) -> Iterator[Actor]:
+        """Vehicles parked in a row, of a car park or along the road: parallel to the kerb, or with the front
+        or the rear to it."""
         rng, edge = self.rng, self.road.layout.edge(row.side)
         ahead, behind = reach(self.ego)
-        place = float(self.ego.s[0]) - behind - rng.uniform(0.0, row.pitch)
-        end = float(self.ego.s[-1]) + ahead
+        start, end = float(self.ego.s[0]) - behind, float(self.ego.s[-1]) + ahead
+        if lot is not None:
+            start, end = max(start, lot.start), min(end, lot.end - row.pitch)
+        place = start - rng.uniform(0.0, row.pitch)
         while place < end:
             place += row.pitch
             if rng.random() >= row.occupancy or self._near_junction(place, 7.0):
@@ -158,11 +169,11 @@ class _Maker:
         frames = len(ego.s)
         t = FRAME_INTERVAL * np.arange(frames, dtype=np.float64)
         if own:
-            moved, braking, speed = ego.s - ego.s[0], ego.acceleration < -0.6, float(ego.speed.mean())
+            moved, braking, speed = ego.s - ego.s[0], ego.acceleration < -_BRAKED, float(ego.speed.mean())
         else:
             v = np.clip(lane.speed * (1.0 + 0.25 * wave(rng, t, (8.0, 30.0))), 0.0, None)
             moved = lane.direction * np.concatenate([[0.0], np.cumsum(v[:-1]) * FRAME_INTERVAL])
-            braking, speed = np.gradient(v, FRAME_INTERVAL) < -0.6, float(v.mean())
+            braking, speed = np.gradient(v, FRAME_INTERVAL) < -_BRAKED, float(v.mean())
         ahead, behind = reach(ego)
         start = float((ego.s - moved).min()) - behind
         end = float((ego.s - moved).max()) + ahead
@@ -181,7 +192,7 @@ class _Maker:
             if chosen[0]:
                 d = lane.d + rng.normal(0.0, 0.18) + 0.1 * wave(rng, t, (5.0, 12.0))
                 angle = rng.normal(0.0, math.radians(0.4), frames) + (0.0 if lane.direction > 0 else math.pi)
-                yield self._actor(chosen, place + moved, d, angle, "moving", braking)
+                yield self._actor(chosen, place + moved, d, angle, "moving", braking, _LANE_REACH)
             place += 0.5 * chosen[2]
 
     def junction(self, junction: Junction) -> Iterator[Actor]:

@@ -13,7 +13,7 @@ from groundpose._checks import FloatArray
 from groundpose.lab.drive.footprints import Footprints
 from groundpose.lab.drive.scene import Scene, Vehicle
 from groundpose.lab.drive.silhouette import NEAR, outline
-from groundpose.lab.drive.solids import Solid, opaque, prop_corners, prop_slabs, solid
+from groundpose.lab.drive.solids import Solid, cover, prop_corners, prop_slabs, solid
 from groundpose.types import Camera
 
 # Smallest side of a labelled box in the image, pixels.
@@ -23,13 +23,15 @@ _LEAST_PX = 6.0
 @dataclass(frozen=True, eq=False)
 class Sight:
     """A solid seen from the camera: `row` among vehicles and things, box (4,) not cut at the image border,
-    outline, footprint `(origin, heading, box)`; `target` is None for things beside the road."""
+    outline, footprint `(origin, heading, box)`; `target` is None for things beside the road;
+    cover: fraction of the outline that hides what is behind it, below 1 for bars and wires."""
 
     row: int
     box: FloatArray
     polygons: FloatArray
     footprint: tuple[FloatArray, float, FloatArray]
     target: Target | None = None
+    cover: float = 1.0
 
     @property
     def length(self) -> float:
@@ -135,12 +137,12 @@ def things(scene: Scene, seen: list[Sight]) -> list[Sight]:
     found = []
     for row in np.flatnonzero(meets.any(axis=1)).tolist():
         prop = scene.props[row]
-        polygons = outline(scene.camera, prop_slabs(prop) @ R.T + t) if opaque(prop) else np.empty(0)
+        polygons = outline(scene.camera, prop_slabs(prop) @ R.T + t)
         if len(polygons):
             box = np.concatenate([polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))])
             half = 0.5 * np.array([prop.size[0], prop.size[2]])
             footprint = (prop.position[[0, 2]], prop.yaw, np.stack([-half, half]))
-            found.append(Sight(len(scene.vehicles) + row, box, polygons, footprint))
+            found.append(Sight(len(scene.vehicles) + row, box, polygons, footprint, cover=cover(prop)))
     return found
 
 

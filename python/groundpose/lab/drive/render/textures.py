@@ -118,6 +118,20 @@ def _railing(rng: Generator) -> Picture:
     return _with(_rgb((0.25, 0.25, 0.25), np.ones((SIZE, SIZE))), (bars | rails).astype(float))
 
 
+def _pickets(rng: Generator) -> Picture:
+    bars = np.abs((_COLUMN * 12) % 1 - 0.5) < 0.27
+    rails = (np.abs(_ROW - 0.12) < 0.025) | (np.abs(_ROW - 0.42) < 0.025)
+    colour = (0.62, 0.60, 0.56) * (1.0 + 0.1 * noise(rng, 0.6))[..., None]
+    return _with(colour * (1.0 - 0.25 * (rails & ~bars))[..., None], (bars | rails).astype(float))
+
+
+def _wire(rng: Generator) -> Picture:
+    """A mesh of wires, coarser than real ones, which would be narrower than a pixel everywhere."""
+    across = [np.abs(((_COLUMN + sign * _ROW) * 16) % 1 - 0.5) < 0.05 for sign in (-1, 1)]
+    wires = across[0] | across[1] | (_COLUMN < 0.02)
+    return _with(_rgb((0.45, 0.47, 0.46), np.ones((SIZE, SIZE))), wires.astype(float))
+
+
 def _leaves(rng: Generator, count: int, length: float, colour: tuple[float, float, float]) -> Picture:
     """Many leaves as ellipses, later ones on top; alpha 0 between them."""
     rgb, alpha = np.zeros((SIZE, SIZE, 3)) + np.array(colour) * 0.5, np.zeros((SIZE, SIZE))
@@ -272,6 +286,8 @@ LAYERS: dict[str, Callable[[Generator], Picture]] = {
     "priority": _sign("priority"),
     "parking": _sign("parking"),
     "board": _sign("board"),
+    "pickets": _pickets,
+    "wire": _wire,
 }
 
 
