@@ -28,7 +28,7 @@ _SEE_THROUGH = (("fence", 1),)
 
 
 # Parts behind glass hide nothing that the glass does not hide already.
-_BEHIND_GLASS = ("interior", "seat")
+_BEHIND_GLASS = ("interior", "seat", "skin", "clothes")
 
 
 @dataclass(frozen=True, eq=False)
