@@ -10,9 +10,10 @@ from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.labels import labels
 from groundpose.lab.drive.render import Renderer, camera
 from groundpose.lab.drive.render.context import context
+from groundpose.lab.drive.render.staged import _indicating
 from groundpose.lab.drive.render.view import Window
 from groundpose.lab.drive.scene import Light, Prop, Scene
-from groundpose.lab.drive.splits import scene_seed
+from groundpose.lab.drive.splits import body, scene_seed
 from groundpose.lab.drive.surroundings import light
 from PIL import Image
 
@@ -123,6 +124,27 @@ def test_light_changes_brightness_the_right_way(renderer, street):
     assert _brightness(renderer, street, exposure=0.5) < 0.85 * plain
     assert _brightness(renderer, street, sun_strength=0.5) < plain
     assert _brightness(renderer, street, kind="night", sun_strength=0.3) < 0.6 * plain
+
+
+def test_front_wheels_steer_and_nothing_else_moves(renderer, street, whole):
+    car = street.vehicles[0]
+    steered = dataclasses.replace(car, steering=0.5)
+    picture = renderer.frame(dataclasses.replace(street, vehicles=(steered,)), effects=False)
+    changed = np.argwhere(np.abs(picture.astype(int) - whole).max(axis=2) > 12)[:, ::-1]
+    made = body(car.class_name, car.seed)
+    R, t = street.camera_from_object(car)
+    wheels = CAMERA.project(made.wheels[:2, :3] @ R.T + t)
+    radius = 1.6 * made.wheels[0, 3] * CAMERA.fx / t[2]
+    away = np.linalg.norm(changed[:, None] - wheels, axis=2).min(axis=1)
+    assert len(changed) > 20
+    assert (away < radius).mean() > 0.97  # the rest is shadow
+
+
+def test_indicators_shine_on_the_side_of_the_turn(street):
+    car = dataclasses.replace(street.vehicles[0], look_seed=4, state="turning")
+    values = [_indicating(dataclasses.replace(car, steering=angle)) for angle in (0.3, -0.2, 0.0)]
+    assert values == [1.0, -1.0, 0.0]
+    assert _indicating(dataclasses.replace(car, steering=0.3, state="parked")) == 0.0
 
 
 def test_lamps_shine(renderer, street):

@@ -13,6 +13,7 @@ from groundpose.lab.drive.render.meshes import BODY_LEVELS, level_of, prop_level
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
 from groundpose.lab.drive.surroundings import light
 from groundpose.lab.drive.surroundings import props as beside
+from groundpose.vehicles import CLASSES
 
 
 def test_no_sky_is_in_two_splits():
@@ -138,6 +139,20 @@ def test_levels_of_a_body_keep_its_extent():
         assert np.abs(used.max(axis=0) - high).max() <= cell + 1e-5
     assert level_of(BODY_LEVELS, 1000.0) == 0
     assert level_of(BODY_LEVELS, 1.0) == len(BODY_LEVELS) - 1
+
+
+@pytest.mark.parametrize("class_name", CLASSES)
+def test_both_front_wheels_steer_at_every_level(class_name):
+    made = body(class_name, 1)
+    for vertices, faces, _ in vehicle_levels(made):
+        used = vertices[np.unique(faces)]
+        turning = used[used[:, 10] != 0.0]
+        assert len(np.unique(turning[:, 10:], axis=0)) == 2
+        away = np.abs(turning[:, None, :3] - made.wheels[:2, :3]).min(axis=1)
+        assert np.all(away < [0.25, made.wheels[0, 3] + 0.02, made.wheels[0, 3] + 0.02])
+        tyre = used[np.abs(used[:, 9] - MATERIALS.index("tyre")) < 0.5]
+        front = np.abs(tyre[:, 2] - made.wheels[0, 2]) < 1.1 * made.wheels[0, 3]
+        np.testing.assert_array_equal(tyre[:, 10] != 0.0, front)
 
 
 def test_textures_have_all_layers():

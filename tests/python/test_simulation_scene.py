@@ -12,6 +12,8 @@ from groundpose.lab.drive.footprints import Footprints, overlapping
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
 from groundpose.lab.drive.road_mesh import road_mesh
 from groundpose.lab.drive.splits import body, random_body
+from groundpose.lab.drive.steering import LIMIT, steering
+from groundpose.lab.drive.traffic import Actor
 from groundpose.vehicles import CLASSES
 
 SEED = scene_seed(9, "validation")
@@ -189,6 +191,28 @@ def test_splits_share_neither_seeds_nor_bodies():
         assert not pools[0] & pools[1]
         assert not pools[0] & pools[2]
         assert not pools[1] & pools[2]
+
+
+def test_wheels_follow_the_turn_and_some_parked_ones_are_turned():
+    made = [scene(scene_seed(seed), number) for seed in range(6) for number in range(0, 40, 4)]
+    angles = {state: [] for state in ("moving", "parked", "turning", "crossing")}
+    for vehicle in (v for s in made for v in s.vehicles):
+        angles[vehicle.state].append(vehicle.steering)
+    assert all(abs(a) <= LIMIT for values in angles.values() for a in values)
+    assert not any(angles["moving"] + angles["crossing"])
+    assert 0.2 < np.mean(np.abs(angles["parked"]) > 0.02) < 0.6
+    assert np.mean(np.abs(angles["turning"]) > 0.1) > 0.1
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_circle_is_driven_with_its_steering_angle(side):
+    road = make_road(np.random.default_rng(0), "street", 300.0)
+    radius, turn = 12.0, np.linspace(0.0, 0.4, 5)
+    path = 30.0 + radius * np.sin(turn), side * radius * (1.0 - np.cos(turn))
+    actor = Actor("car", 7, 0, *path, side * turn, ("turning",) * 5, np.zeros(5, bool), 0.0, 50.0)
+    wheelbase = np.ptp(body("car", 7).wheels[:, 2])
+    for frame in range(5):
+        assert steering(actor, frame, road) == pytest.approx(side * np.arctan(wheelbase / radius), rel=0.1)
 
 
 def test_bad_arguments_are_named():

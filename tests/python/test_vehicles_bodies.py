@@ -5,7 +5,7 @@ from functools import cache
 import groundpose as gp
 import numpy as np
 import pytest
-from groundpose.lab.bodies import STYLES, Body, body, catalogue, keypoints_of
+from groundpose.lab.bodies import MATERIALS, STYLES, Body, body, catalogue, keypoints_of, roof
 from groundpose.lab.bodies.catalogue import outline
 from groundpose.vehicles import CLASSES, flip_indices, keypoint_indices, keypoint_names
 
@@ -139,6 +139,36 @@ def test_styles_differ_and_are_all_drawn() -> None:
         drawn = {catalogue.style_of(class_name, seed) for seed in range(200)}
         assert drawn == set(STYLES[class_name])
     assert made("van_bus", 0, "city_bus").size[0] > made("van_bus", 0, "van").size[0] + 3.0
+
+
+def test_some_roofs_carry_things_that_box_and_keypoints_leave_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    for class_name, style in STYLED:
+        for name in roof._FRACTIONS.get(style, {}):
+            monkeypatch.setitem(roof._FRACTIONS, style, {})
+            plain = body(class_name, 4, style)
+            monkeypatch.setitem(roof._FRACTIONS, style, {name: 1.0})
+            b = body(class_name, 4, style)
+            np.testing.assert_array_equal(b.keypoints_3d, plain.keypoints_3d)
+            np.testing.assert_array_equal(b.bbox_3d, plain.bbox_3d)
+            thing = b.vertices[b.faces[b.parts > plain.parts.max()]].reshape(-1, 3)
+            screen = b.keypoints_3d[keypoint_names(class_name).index("right_windscreen_top"), 1]
+            assert b.bbox_3d[0, 1] - 0.55 < thing[:, 1].min() < screen, (style, name)
+            assert np.abs(thing[:, 0]).max() < 0.5 * b.size[2]
+            # It stands on the roof: its foot is neither above nor far below it.
+            lowest = thing[thing[:, 1].argmax()]
+            above = plain.vertices[np.hypot(*(plain.vertices - lowest)[:, [0, 2]].T) < 0.5][:, 1].min()
+            assert -0.02 < lowest[1] - above < 0.25, (style, name)
+
+
+def test_people_sit_in_some_vehicles() -> None:
+    skin = MATERIALS.index("skin")
+    for class_name in CLASSES:
+        bodies = [made(class_name, seed) for seed in range(8)]
+        heads = [b.vertices[b.faces[b.materials == skin]].reshape(-1, 3) for b in bodies]
+        assert 0 < sum(len(head) > 0 for head in heads) < 8
+        for b, head in zip(bodies, heads, strict=True):
+            low, high = b.bbox_3d
+            assert np.all((head > low) & (head < high))
 
 
 def test_mistakes_are_named() -> None:

@@ -31,6 +31,8 @@ MATERIALS: tuple[str, ...] = (
     "mirror",  # the reflecting glass of side mirrors
     "reversing_lamp",
     "display",  # destination of a bus
+    "skin",
+    "clothes",
 )
 """Names of the surfaces; a face stores the index."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from groundpose._checks import FloatArray
 from groundpose.lab.bodies.body import Body
 from groundpose.lab.bodies.geometry.mesh import Component, assemble
+from groundpose.lab.bodies.roof import roof_things
 from groundpose.vehicles.keypoints import KEYPOINTS, keypoint_indices
 
 _MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -40,8 +41,8 @@ def finished(
     bbox_3d: FloatArray,
     wheels: FloatArray,
 ) -> Body:
-    """The body made of components in the object frame."""
-    mesh = assemble(components)
+    """The body made of components in the object frame (large surfaces first) and what is on its roof."""
+    mesh = assemble([*components, *roof_things(class_name, style, seed, components[:2], keypoints_3d)])
     return Body(
         class_name,
         style,

@@ -19,6 +19,7 @@ from groundpose.lab.drive.road import Road
 from groundpose.lab.drive.road_kinds import MAST_FRACTIONS, ROAD_KINDS, make_road
 from groundpose.lab.drive.scene import Light, Prop, Scene, Vehicle
 from groundpose.lab.drive.splits import body, split_of
+from groundpose.lab.drive.steering import steering
 from groundpose.lab.drive.traffic import DEFAULT_SHARES, Actor, reach, traffic
 from groundpose.types import View
 
@@ -194,6 +195,7 @@ def _standing(
                 lamps_on=a.lamps < (_LAMPS_PARKED if state == "parked" else lamps),
                 braking=bool(a.braking[frame]),
                 state=state,
+                steering=steering(a, frame, drive.road),
             )
         )
     return tuple(vehicles)

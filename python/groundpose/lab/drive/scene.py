@@ -41,7 +41,8 @@ class Light:
 class Vehicle:
     """A vehicle and its pose, `X_world = R_world @ X_object + t_world`; its body is `body(class_name, seed)`.
 
-    `look_seed` decides paint, dirt, plate and driver; `state` is "moving", "parked", "turning" or "crossing".
+    `look_seed` decides paint, dirt and plate; `state` is "moving", "parked", "turning" or "crossing";
+    `steering` is the angle of the front wheels, radians, positive to the right.
     """
 
     class_name: str
@@ -52,6 +53,7 @@ class Vehicle:
     lamps_on: bool
     braking: bool
     state: str
+    steering: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ _SMALL_PART = 0.3
 _PROP_SLABS = {"tree": 8, "bush": 3, "sign": 10, "traffic_light": 6, "pole": 8, "person": 8, "cyclist": 6}
 
 # Parts behind glass hide nothing that the glass does not hide already.
-_BEHIND_GLASS = ("interior", "seat")
+_BEHIND_GLASS = ("interior", "seat", "skin", "clothes")
 
 
 @dataclass(frozen=True, eq=False)

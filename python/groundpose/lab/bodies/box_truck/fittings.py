@@ -214,4 +214,5 @@ def _cabin(p: Plan, cab: Shell, rng: np.random.Generator) -> list[Component]:
         padded((1.75 * p.cab_half, 0.3, 0.38), 0.07, "interior", moved(screen, y=0.12, z=-0.18)),
         *common.driving_place(-x, cushion, z, screen, bool(rng.random() < 0.6)),
         *[part.moved(x, -cushion, z) for part in cabin.seat(0.5, 0.6)],
+        *cabin.passengers(np.array([[x, -cushion, z]]), 0.88, 0.25, rng),
     ]

@@ -52,7 +52,7 @@ def build(style: str, seed: int) -> Body:
         *seams(shape, car.shell),
         *mirrors(shape, car.cabin, car.fittings),
         *outside(shape, car.shell, car.cabin, car.fittings),
-        *interior(shape, car.fittings),
+        *interior(shape, car.fittings, np.random.default_rng([88, seed])),
         *place_wheels(wheels, wheel_parts),
     ]
     return finished("car", style, seed, components, _keypoints(car), _box(car, ends_), wheels)

@@ -95,8 +95,8 @@ def mirrors(shape: CarShape, cabin: Cabin, fittings: Fittings) -> list[Component
     return both_sides([part.moved(*foot.tolist()) for part in parts])
 
 
-def interior(shape: CarShape, fittings: Fittings) -> list[Component]:
-    """Seats, dashboard, steering wheel, parcel shelf, driver."""
+def interior(shape: CarShape, fittings: Fittings, rng: np.random.Generator) -> list[Component]:
+    """Seats, dashboard, steering wheel, driver, passengers."""
     room, belt = shape.half_width - 0.16, shape.belt_height
     cushion = belt - 0.42 if shape.style != "suv" else belt - 0.40
     front_z = b_pillar_z(shape) + (0.02 if not shape.two_door else 0.20)
@@ -114,5 +114,9 @@ def interior(shape: CarShape, fittings: Fittings) -> list[Component]:
     parts += [part.moved(*wheel.tolist()) for part in inside.steering_wheel()]
     if fittings.driver:
         tall = min(0.88, shape.outer.height - cushion - 0.10)
+        front = np.array([[-side * 0.5 * room, -cushion, front_z]])
+        behind = np.array([[x, -cushion, rear_z] for x in (-0.5 * room, 0.5 * room)])
+        parts += inside.passengers(front, tall, 0.35, rng)
+        parts += inside.passengers(behind, tall - 0.06, 0.15, rng)
         parts += [part.moved(side * 0.5 * room, -cushion, front_z + 0.06) for part in inside.driver(tall)]
     return parts

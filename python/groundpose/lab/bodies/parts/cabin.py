@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from groundpose._checks import FloatArray
 from groundpose.lab.bodies.geometry.mesh import Component
 from groundpose.lab.bodies.geometry.primitives import ellipsoid, pipe, rounded_box
 from groundpose.lab.bodies.parts.materials import MATERIAL
@@ -45,19 +46,37 @@ def steering_wheel(radius: float = 0.185, tilt: float = 0.45) -> list[Component]
 
 
 def driver(tall: float = 0.88) -> list[Component]:
-    """Head, trunk and arms of a person on a seat's origin, `tall` metres from cushion to crown."""
-    trunk = ellipsoid(0.44, 0.62, 0.26, MATERIAL["seat"], 8, 5, 0.8).moved(0.0, -0.30, 0.10)
-    head = ellipsoid(0.16, 0.25, 0.20, MATERIAL["interior"], 8, 5).moved(0.0, 0.12 - tall, 0.08)
+    """A person on a seat's origin who holds the steering wheel, `tall` metres from cushion to crown."""
     arms = [
         pipe(
             np.array([[0.20 * s, -0.44, 0.10], [0.27 * s, -0.24, 0.30], [0.14 * s, -0.32, 0.52]]),
             0.045,
-            MATERIAL["seat"],
+            MATERIAL["clothes"],
             5,
         )
         for s in (-1.0, 1.0)
     ]
-    return [trunk, head, *arms]
+    return [*passenger(tall), *arms]
+
+
+def passenger(tall: float = 0.88, clothes: str = "clothes") -> list[Component]:
+    """Trunk, head and hair of a person on a seat's origin, `tall` metres from cushion to crown."""
+    shoulder = tall - 0.27
+    trunk = ellipsoid(0.44, shoulder + 0.02, 0.26, MATERIAL[clothes], 7, 3, 0.8)
+    head = ellipsoid(0.16, 0.25, 0.20, MATERIAL["skin"], 7, 4).moved(0.0, 0.13 - tall, 0.09)
+    hair = ellipsoid(0.18, 0.20, 0.19, MATERIAL["interior"], 7, 3).moved(0.0, 0.10 - tall, 0.06)
+    return [trunk.moved(0.0, -0.5 * shoulder, 0.10), head, hair]
+
+
+def passengers(places: FloatArray, tall: float, fraction: float, rng: np.random.Generator) -> list[Component]:
+    """People on a fraction of the seats with origins `places` (N, 3)."""
+    return [
+        part.moved(*place.tolist())
+        for place in places[rng.random(len(places)) < fraction]
+        for part in passenger(
+            tall - float(rng.uniform(0.0, 0.1)), ("clothes", "seat", "interior")[int(rng.integers(3))]
+        )
+    ]
 
 
 def _leant(part: Component) -> Component:

@@ -134,6 +134,10 @@ def _cabin(p: Plan, cab: Shell, rng: np.random.Generator) -> list[Component]:
     z = p.pillar + 0.14
     parts += common.driving_place(-0.5 * inside, cushion, z, screen, bool(rng.random() < 0.6))
     parts += [part.moved(0.5 * inside, -cushion, z) for part in cabin.seat(0.5, 0.6)]
+    places = [[0.5 * inside, -cushion, z]]
     if p.style == "double_cab":
-        parts += [part.moved(0.0, -cushion, p.cab_rear + 0.28) for part in cabin.seat(1.7 * inside, 0.56, 3)]
+        rear = p.cab_rear + 0.28
+        parts += [part.moved(0.0, -cushion, rear) for part in cabin.seat(1.7 * inside, 0.56, 3)]
+        places += [[x * inside, -cushion, rear] for x in (-0.5, 0.5)]
+    parts += cabin.passengers(np.array(places), min(0.88, p.top - cushion - 0.05), 0.2, rng)
     return parts

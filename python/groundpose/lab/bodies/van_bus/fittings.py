@@ -8,6 +8,7 @@ from groundpose._checks import FloatArray
 from groundpose.lab.bodies import common
 from groundpose.lab.bodies.common import bar, block, moved, padded
 from groundpose.lab.bodies.geometry.mesh import Component, both_sides
+from groundpose.lab.bodies.parts import cabin
 from groundpose.lab.bodies.shell import Shell
 from groundpose.lab.bodies.van_bus.plan import Plan, wheel_centres
 
@@ -159,6 +160,8 @@ def _cabin(p: Plan, hull: Shell, rng: np.random.Generator) -> list[Component]:
             x = place * inside
             parts.append(block(width, 0.45, 0.45, "seat", (x, -floor - 0.225, z)))
             parts.append(block(width, 0.66, 0.12, "seat", (x, -floor - 0.76, z - 0.24)))
+    sitting = [[place * inside + 0.2, -floor - 0.45, z - 0.2] for z in p.seats for place in places]
+    parts += cabin.passengers(np.reshape(sitting, (-1, 3)), 0.85, 0.22, rng)
     if not p.seats:  # a wall behind the seats of a panel van
         parts.append(block(2 * inside, 1.0, 0.03, "interior", (0.0, -floor - 0.5, p.windows[0].rear - 0.05)))
     return parts

@@ -41,7 +41,7 @@ def context() -> Any:
 # Programs that compute light per vertex; the others do so per pixel.
 _LIT_CORNERS = ("leaf",)
 _UNLIT = ("contact", "average")
-_PATTERNS = ("PLATE", "GRILLE", "HEADLAMP", "TAILLAMP", "DISPLAY", "CABIN")
+_PATTERNS = ("PLATE", "GRILLE", "HEADLAMP", "TAILLAMP", "DISPLAY", "CABIN", "INDICATOR")
 
 
 def pattern(name: str) -> float:

@@ -38,6 +38,8 @@ PAINTS: tuple[tuple[Colour, float, float], ...] = (
 )
 # Work vehicles are white, silver, blue, red, yellow.
 _WORK_FREQUENCIES = (2, 2, 3, 3, 9, 50, 2, 3, 8, 2, 8, 1, 2, 3, 1, 0, 6, 4)
+# Vehicles whose random number is above this have not been washed all winter.
+_FILTHY = 0.96
 _BOX_PANELS: tuple[Colour, ...] = (
     (0.70, 0.70, 0.68), (0.62, 0.62, 0.60), (0.50, 0.51, 0.52), (0.05, 0.10, 0.28), (0.30, 0.02, 0.02),
     (0.55, 0.38, 0.04), (0.06, 0.16, 0.08), (0.10, 0.10, 0.11),
@@ -55,11 +57,13 @@ SURFACES: dict[str, tuple[Colour, float, float, float, str, float]] = {
     "rim": ((0.30, 0.30, 0.31), 0.25, 0.85, 0.6, "", 0.0),
     "headlamp": ((0.42, 0.43, 0.45), 0.06, 0.5, 1.0, "HEADLAMP", 0.0),
     "taillamp": ((0.22, 0.006, 0.008), 0.05, 0.0, 1.0, "TAILLAMP", 0.0),
-    "indicator": ((0.42, 0.13, 0.01), 0.05, 0.0, 1.0, "", 0.0),
+    "indicator": ((0.42, 0.13, 0.01), 0.05, 0.0, 1.0, "INDICATOR", 0.0),
     "plate": ((0.7, 0.7, 0.66), 0.4, 0.0, 0.4, "PLATE", 0.0),
     "grille": ((0.020, 0.020, 0.021), 0.35, 0.2, 0.7, "GRILLE", 0.0),
     "interior": ((0.022, 0.021, 0.020), 0.8, 0.0, 0.0, "CABIN", 0.0),
     "seat": ((0.045, 0.043, 0.042), 0.9, 0.0, 0.0, "CABIN", 0.0),
+    "skin": ((0.28, 0.16, 0.11), 0.6, 0.0, 0.0, "CABIN", 0.0),
+    "clothes": ((0.16, 0.16, 0.19), 0.9, 0.0, 0.0, "CABIN", 0.0),
     "underbody": ((0.007, 0.007, 0.007), 0.9, 0.0, 0.0, "", 0.0),
     "metal": ((0.09, 0.09, 0.09), 0.5, 0.6, 0.3, "", 0.0),
     "seam": ((0.004, 0.004, 0.004), 0.8, 0.0, 0.0, "", 0.0),
@@ -81,7 +85,7 @@ def surface_tables() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 @dataclass(frozen=True)
 class Look:
-    """The look that `look_seed` decides: linear colours, dirt and curtain 0 to 1, plate a row of `plates`."""
+    """The look that `look_seed` decides: linear colours, dirt 0 to 1.7, plate a row of `plates`."""
 
     paint: Colour
     flakes: float
@@ -115,7 +119,7 @@ def look(class_name: str, seed: int) -> Look:
         flakes=flakes,
         coat_roughness=0.5 if matt else float(rng.uniform(0.01, 0.07)),
         second=(float(paint[0]), float(paint[1]), float(paint[2])) if same else panel,
-        dirt=float(0.9 * dirty**3),
+        dirt=float(0.9 * dirty**3 + 0.8 * (dirty > _FILTHY)),
         plate=int(rng.integers(PLATES)),
         glass=float(rng.choice([0.62, 0.5, 0.3, 0.15], p=[0.4, 0.33, 0.19, 0.08])),
         random=float(rng.random()),

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from groundpose._checks import FloatArray
 from groundpose.lab.bodies.body import MATERIALS, Body
 from groundpose.lab.drive import props
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.textures import layer
+from groundpose.vehicles.keypoints import keypoint_names
 
 Floats = NDArray[np.float32]
 Faces = NDArray[np.int32]
@@ -38,12 +40,16 @@ _LEFT_OUT = {"underbody": 0.03, "seam": 0.08, "plate": 0.3}  # cells from which 
 _COARSER = {
     "interior": 4.0,
     "seat": 3.0,
+    "skin": 3.0,
+    "clothes": 3.0,
     "metal": 2.0,
     "rim": 1.7,
     "tyre": 1.5,
     "chrome": 1.5,
     "plastic": 1.4,
 }
+# Parts within this distance (metres, across) of a front wheel's middle, and within its radius, steer with it.
+_WHEEL_HALF_WIDTH = 0.25
 # Faces with longer edges (metres) are cut, so that light computed at vertices does not miss a shadow.
 _LONGEST_EDGE = 0.35
 
@@ -58,8 +64,8 @@ class Format:
 
 
 VEHICLE = Format(
-    "3f 3f 3f 1f",
-    ("in_position", "in_normal", "in_local", "in_material"),
+    "3f 3f 3f 1f 2f",
+    ("in_position", "in_normal", "in_local", "in_material", "in_pivot"),
     ("in_row0", "in_row1", "in_row2", "in_paint", "in_second", "in_state", "in_extra"),
 )
 PROP = Format(
@@ -152,7 +158,7 @@ def level_of(levels: Sequence[tuple[float, float]], pixels_per_metre: float) -> 
 
 
 def vehicle_levels(body: Body) -> list[Level]:
-    """Vertices (V, 10): position, normal, place within the part, material; faces with the panes last."""
+    """Vertices (V, 12): position, normal, place within part, material, pivot; faces, panes last."""
     parts, materials = body.parts.astype(np.int64), body.materials.astype(np.int64)
     corner = (body.faces.astype(np.int64) * 65536 + parts[:, None]) * 64 + materials[:, None]
     keys, back = np.unique(corner, return_inverse=True)
@@ -163,12 +169,28 @@ def vehicle_levels(body: Body) -> list[Level]:
     np.minimum.at(low, part, position)
     np.maximum.at(high, part, position)
     middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-4)
-    data = np.column_stack([position, body.normals[vertex], (position - middle[part]) / half[part], material])
+    local, pivot = (position - middle[part]) / half[part], _pivots(body, low, high)[part]
+    data = np.column_stack([position, body.normals[vertex], local, material, pivot])
     vertices, faces = _cut(data.astype(np.float32), back.reshape(-1, 3).astype(np.int32))
     panes = vertices[faces[:, 0], 9] == MATERIALS.index("glass")
     order = np.argsort(panes, kind="stable")
     fine = vertices, faces[order], int((~panes).sum())
     return [fine if cell == 0.0 else _clustered(*fine, cell) for _, cell in BODY_LEVELS]
+
+
+def _pivots(body: Body, low: FloatArray, high: FloatArray) -> FloatArray:
+    """x and z (parts, 2) of the vertical axis about which each part steers, from the parts' boxes; 0: none.
+
+    Front wheels turn about the middle of their outer face: that keypoint stays where the labels have it.
+    """
+    names = keypoint_names(body.class_name)
+    pivots = np.zeros((len(low), 2))
+    for side in ("right", "left"):
+        x, _, z = body.keypoints_3d[names.index(f"{side}_front_wheel")]
+        wheel = body.wheels[np.abs(body.wheels[:, [0, 2]] - [x, z]).sum(axis=1).argmin()]
+        reach = np.array([_WHEEL_HALF_WIDTH, wheel[3] + 0.01, wheel[3] + 0.01])
+        pivots[np.all((low > wheel[:3] - reach) & (high < wheel[:3] + reach), axis=1)] = x, z
+    return pivots
 
 
 def _cut(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
@@ -200,7 +222,8 @@ def _clustered(vertices: Floats, faces: Faces, split: int, cell: float) -> Level
     # Thin parts on other parts must not sink into them.
     laid = np.isin(vertices[:, 9], [MATERIALS.index(name) for name in _LAID_ON])
     spot[laid] = -1 - np.arange(laid.sum())
-    key = (spot * 27 + facing @ [9, 3, 1]) * 32 + vertices[:, 9].astype(np.int64)
+    steers = (vertices[:, 10] != 0.0).astype(np.int64)
+    key = ((spot * 27 + facing @ [9, 3, 1]) * 2 + steers) * 32 + vertices[:, 9].astype(np.int64)
     _, first, back = np.unique(key, return_index=True, return_inverse=True)
     merged = vertices[first]
     number = np.bincount(back)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -239,8 +240,14 @@ def _vehicle_row(vehicle: Vehicle) -> list[float]:
     return [
         *pose, *seen.paint, seen.flakes, *seen.second, seen.coat_roughness,
         seen.dirt, float(vehicle.lamps_on), float(vehicle.braking), float(seen.plate),
-        seen.random, seen.glass, 0.0, 0.0,
+        seen.random, seen.glass, vehicle.steering, _indicating(vehicle),
     ]  # fmt: skip
+
+
+def _indicating(vehicle: Vehicle) -> float:
+    """Side (1 right, -1 left) whose indicators shine, 0 none: half the time of a turn."""
+    blinking = vehicle.state == "turning" and vehicle.look_seed % 2 == 0
+    return math.copysign(1.0, vehicle.steering) if blinking and vehicle.steering else 0.0
 
 
 def _contact_rows(scene: Scene, vehicles: Things) -> Floats:

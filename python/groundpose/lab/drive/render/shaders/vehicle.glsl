@@ -12,7 +12,7 @@ struct Point {
     vec4 surface;             // albedo, roughness
     vec4 kind;                // metal, coat, pattern, fraction of paint
     vec4 state;               // dirt, lamps, brake, plate
-    vec4 extra;               // random number, light through a pane
+    vec4 extra;               // random number, light through a pane, steering, indicators
     vec3 shine;
 };
 
