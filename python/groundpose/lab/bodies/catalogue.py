@@ -10,23 +10,14 @@ from groundpose._checks import FloatArray, count, input_error
 from groundpose.lab.bodies.body import Body
 from groundpose.lab.bodies.box_truck import body as box_truck
 from groundpose.lab.bodies.car import body as car
+from groundpose.lab.bodies.dimensions import random_stream
 from groundpose.lab.bodies.pickup import body as pickup
+from groundpose.lab.bodies.regions import STYLES, draw_region, style_fractions
 from groundpose.lab.bodies.van_bus import body as van_bus
 from groundpose.vehicles.classes import CLASSES
 
-# Frequency of each style on the road; the shape models are made of the same mixture.
-_FREQUENCIES: dict[str, dict[str, float]] = {
-    "car": {"sedan": 0.26, "hatchback": 0.40, "estate": 0.11, "suv": 0.18, "coupe": 0.05},
-    "van_bus": {"van": 0.42, "minibus": 0.22, "city_bus": 0.20, "coach": 0.16},
-    "pickup": {"single_cab": 0.35, "double_cab": 0.65},
-    "box_truck": {"cab_gap": 0.65, "no_gap": 0.35},
-}
-STYLES: dict[str, tuple[str, ...]] = {
-    class_name: tuple(fractions) for class_name, fractions in _FREQUENCIES.items()
-}
-"""Styles of each class."""
-STYLE_NAMES: tuple[str, ...] = tuple(style for styles in STYLES.values() for style in styles)
-"""The styles of all classes."""
+STYLE_NAMES: tuple[str, ...] = tuple(style for class_name in CLASSES for style in STYLES[class_name])
+"""All styles of all classes; labels store the index."""
 _BUILDERS: dict[str, ModuleType] = {"car": car, "van_bus": van_bus, "pickup": pickup, "box_truck": box_truck}
 
 
@@ -66,5 +57,10 @@ def style_of(class_name: str, seed: int) -> str:
     rng = np.random.Generator(
         np.random.PCG64(np.random.SeedSequence((count("seed", seed), CLASSES.index(class_name))))
     )
-    fractions = _FREQUENCIES[class_name]
-    return STYLES[class_name][int(rng.choice(len(fractions), p=list(fractions.values())))]
+    return STYLES[class_name][int(rng.choice(len(STYLES[class_name]), p=style_fractions(class_name)))]
+
+
+def region_of(class_name: str, seed: int, style: str | None = None) -> str:
+    """The region, one of `regions.REGIONS`, of `body(class_name, seed, style)`: the first draw of its stream."""
+    style = style or style_of(class_name, seed)
+    return draw_region(class_name, style, random_stream(class_name, style, seed))

@@ -1,7 +1,10 @@
 """Distributions of the measures of vehicles on the road, from which bodies are drawn.
 
-Means and standard deviations follow makers' data sheets and the labels of KITTI (height / width / length:
-car 1.51 / 1.62 / 3.90, van 2.18 / 1.90 / 4.97, truck 3.30 / 2.53 / 9.53 m).
+Means and standard deviations follow makers' data sheets for Europe, at the mean age; `regions` changes them by
+region and age. Labels of benchmarks, length x height x width, to compare: KITTI (Karlsruhe 2011) car 3.89 x 1.51 x
+1.62, van 4.92 x 2.14 x 1.90, truck 9.35 x 3.32 x 2.53 m; Rope3D (China) car 4.59 x 1.69 x 1.96 m. New cars sold
+from 2013 to 2023 are 4.42 to 4.53 m long and 1.80 to 1.84 m wide in the European Union. Widths are without
+mirrors.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from groundpose.lab.bodies.regions import draw_age, draw_region, growth, scale
 from groundpose.vehicles.classes import CLASSES
 
 
@@ -53,40 +57,42 @@ class Dimensions:
     rear_axle: float
     wheel_radius: float
     clearance: float
+    region: str
+    age: float  # of the design: 0 is about 1990, 1 is today
 
 
 _TABLE: dict[tuple[str, str], _Row] = {
     ("car", "sedan"): _Row(
-        Spread(4.62, 0.22, 4.05, 5.20),
+        Spread(4.47, 0.20, 4.00, 5.00),
         Spread(1.45, 0.030, 1.38, 1.54),
-        Spread(1.78, 0.045, 1.63, 1.94, 0.10),
+        Spread(1.75, 0.045, 1.62, 1.92, 0.10),
         Spread(0.585, 0.010, 0.56, 0.61),
         Spread(0.89, 0.05, 0.76, 1.02, 0.06),
         Spread(0.315, 0.012, 0.285, 0.345, 0.03),
         Spread(0.19, 0.015, 0.15, 0.22),
     ),
     ("car", "hatchback"): _Row(
-        Spread(4.00, 0.25, 3.40, 4.50),
-        Spread(1.48, 0.040, 1.39, 1.60),
-        Spread(1.71, 0.045, 1.55, 1.86, 0.13),
+        Spread(3.97, 0.22, 3.50, 4.45),
+        Spread(1.485, 0.040, 1.39, 1.60),
+        Spread(1.70, 0.045, 1.56, 1.86, 0.13),
         Spread(0.622, 0.014, 0.59, 0.66),
         Spread(0.82, 0.04, 0.70, 0.94, 0.15),
         Spread(0.305, 0.012, 0.275, 0.335, 0.04),
         Spread(0.19, 0.015, 0.15, 0.22),
     ),
     ("car", "estate"): _Row(
-        Spread(4.66, 0.17, 4.20, 5.05),
-        Spread(1.48, 0.030, 1.42, 1.58),
-        Spread(1.78, 0.045, 1.65, 1.93, 0.12),
+        Spread(4.58, 0.17, 4.15, 5.00),
+        Spread(1.49, 0.030, 1.42, 1.58),
+        Spread(1.75, 0.045, 1.64, 1.92, 0.12),
         Spread(0.580, 0.010, 0.555, 0.60),
         Spread(0.90, 0.05, 0.78, 1.02, 0.06),
         Spread(0.315, 0.012, 0.285, 0.345, 0.03),
         Spread(0.19, 0.015, 0.15, 0.22),
     ),
     ("car", "suv"): _Row(
-        Spread(4.52, 0.25, 3.95, 5.15),
-        Spread(1.67, 0.055, 1.53, 1.90, 0.12),
-        Spread(1.84, 0.050, 1.68, 2.02, 0.12),
+        Spread(4.30, 0.27, 3.70, 5.00),
+        Spread(1.65, 0.055, 1.52, 1.88, 0.13),
+        Spread(1.81, 0.050, 1.66, 2.00, 0.13),
         Spread(0.592, 0.012, 0.56, 0.625),
         Spread(0.90, 0.05, 0.78, 1.02, 0.08),
         Spread(0.355, 0.014, 0.32, 0.395, 0.03),
@@ -101,9 +107,36 @@ _TABLE: dict[tuple[str, str], _Row] = {
         Spread(0.320, 0.013, 0.29, 0.35, 0.03),
         Spread(0.17, 0.015, 0.13, 0.20),
     ),
+    ("car", "city_car"): _Row(
+        Spread(3.56, 0.12, 3.30, 3.80),
+        Spread(1.485, 0.035, 1.41, 1.60),
+        Spread(1.625, 0.035, 1.54, 1.72, 0.10),
+        Spread(0.655, 0.010, 0.63, 0.68),
+        Spread(0.71, 0.03, 0.64, 0.79, 0.10),
+        Spread(0.285, 0.010, 0.265, 0.31, 0.04),
+        Spread(0.18, 0.012, 0.15, 0.21),
+    ),
+    ("car", "kei_car"): _Row(
+        Spread(3.34, 0.03, 3.24, 3.38),
+        Spread(1.68, 0.110, 1.48, 1.86),
+        Spread(1.465, 0.010, 1.43, 1.48),
+        Spread(0.672, 0.006, 0.66, 0.685),
+        Spread(0.62, 0.015, 0.58, 0.66),
+        Spread(0.277, 0.008, 0.26, 0.295),
+        Spread(0.17, 0.010, 0.15, 0.20),
+    ),
+    ("car", "mpv"): _Row(
+        Spread(4.32, 0.24, 3.90, 4.90),
+        Spread(1.65, 0.050, 1.55, 1.80, 0.10),
+        Spread(1.79, 0.045, 1.66, 1.94, 0.13),
+        Spread(0.612, 0.012, 0.585, 0.64),
+        Spread(0.87, 0.04, 0.77, 0.98, 0.10),
+        Spread(0.315, 0.012, 0.285, 0.345, 0.03),
+        Spread(0.18, 0.015, 0.15, 0.22),
+    ),
     ("van_bus", "van"): _Row(
-        Spread(5.10, 0.45, 4.20, 6.60),
-        Spread(2.10, 0.170, 1.80, 2.80, 0.36),
+        Spread(5.15, 0.42, 4.45, 6.60),
+        Spread(2.13, 0.170, 1.85, 2.80, 0.36),
         Spread(1.91, 0.040, 1.74, 2.05, 0.12),
         Spread(0.610, 0.015, 0.57, 0.64),
         Spread(0.90, 0.05, 0.78, 1.02),
@@ -136,6 +169,15 @@ _TABLE: dict[tuple[str, str], _Row] = {
         Spread(2.65, 0.07, 2.48, 2.82),
         Spread(0.500, 0.012, 0.47, 0.53),
         Spread(0.32, 0.025, 0.26, 0.38),
+    ),
+    ("van_bus", "small_van"): _Row(
+        Spread(4.34, 0.18, 3.95, 4.80),
+        Spread(1.84, 0.035, 1.76, 1.94, 0.05),
+        Spread(1.77, 0.040, 1.66, 1.87, 0.10),
+        Spread(0.628, 0.012, 0.60, 0.65),
+        Spread(0.84, 0.03, 0.76, 0.92, 0.10),
+        Spread(0.312, 0.010, 0.285, 0.335, 0.02),
+        Spread(0.18, 0.012, 0.15, 0.21),
     ),
     ("pickup", "single_cab"): _Row(
         Spread(5.22, 0.22, 4.80, 5.80),
@@ -184,10 +226,25 @@ def random_stream(class_name: str, style: str, seed: int) -> np.random.Generator
 
 
 def draw_dimensions(class_name: str, style: str, rng: np.random.Generator) -> Dimensions:
-    """Outer measures of a vehicle of this style, from seven draws of `rng` or a few more."""
+    """Region, age and outer measures of a vehicle of this style; `rng`: its `random_stream`, not yet drawn from."""
     row = _TABLE[class_name, style]
-    length = row.length.draw(rng)
-    longer = length - row.length.mean
-    height, width, fraction, overhang, radius, clearance = (spread.draw(rng, longer) for spread in row[1:])
-    front_axle = 0.5 * length - overhang
-    return Dimensions(length, height, width, front_axle, front_axle - fraction * length, radius, clearance)
+    region = draw_region(class_name, style, rng)
+    age = draw_age(rng)
+    times, grown = scale(region, style), growth(style, age)
+    reference = row.length.draw(rng)
+    height, width, fraction, overhang, radius, clearance = (
+        spread.draw(rng, reference - row.length.mean) for spread in row[1:]
+    )
+    length = reference * times.length + grown.length
+    front_axle = 0.5 * length - overhang * times.length
+    return Dimensions(
+        length=length,
+        height=height * times.height + grown.height,
+        width=width * times.width + grown.width,
+        front_axle=front_axle,
+        rear_axle=front_axle - fraction * length,
+        wheel_radius=radius * times.width + 0.3 * grown.width,
+        clearance=clearance - 0.2 * grown.width,
+        region=region,
+        age=age,
+    )

@@ -20,7 +20,7 @@ from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import keypoint_names
 from groundpose.vehicles.shape_models import FOLDER
 
-BODIES = 2000
+BODIES = 4000
 """Bodies of each class: seeds 0 to `BODIES - 1`."""
 LEFT_M = 0.04
 """Modes are kept until the root mean square distance to the keypoints of a body falls to this, metres: below

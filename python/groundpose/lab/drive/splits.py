@@ -18,7 +18,7 @@ SEEDS_PER_SPLIT = 2**32
 
 # Bodies of a class in each split: number of the first one, and how many of cars and of the other classes.
 _FIRST_BODY = {"train": 100_000, "validation": 200_000, "test": 300_000}
-_BODIES = {"train": (300, 120), "validation": (80, 40), "test": (80, 40)}
+_BODIES = {"train": (3000, 1000), "validation": (300, 100), "test": (300, 100)}
 
 
 def scene_seed(seed: int, split: str = "train") -> int:

@@ -1,4 +1,4 @@
-"""Cars: sedan, hatchback, estate, SUV and coupe."""
+"""Cars, from kei cars to people carriers."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _draw(style: str, seed: int) -> _Car:
 def _trim(shape: CarShape, face: Face, rng: np.random.Generator) -> Trim:
     old = shape.age < 0.4
     black = rng.random() < (0.45 if old else 0.85)
-    black_roof = shape.age > 0.7 and shape.style in ("suv", "hatchback", "coupe") and rng.random() < 0.1
+    black_roof = shape.age > 0.7 and shape.style in ("suv", "hatchback", "coupe", "kei_car") and rng.random() < 0.1
     return Trim(
         b_pillar="plastic" if black else "paint",
         frame="plastic" if rng.random() < 0.25 else "paint",
@@ -88,7 +88,7 @@ def _trim(shape: CarShape, face: Face, rng: np.random.Generator) -> Trim:
         roof="plastic" if black_roof else "paint",
         surround="plastic" if not shape.notchback and rng.random() < 0.35 else "paint",
         tail_lamps=face.tail_pillars,
-        quarter=bool(rng.random() < (0.9 if shape.style in ("estate", "suv") else 0.5)),
+        quarter=bool(rng.random() < (0.9 if shape.style in ("estate", "suv", "mpv") else 0.5)),
     )
 
 

@@ -145,9 +145,7 @@ def b_pillar_z(shape: CarShape) -> float:
 def last_window_z(shape: CarShape) -> tuple[float, float]:
     """z of the rear end of the side windows at the lower and upper edge."""
     rear, rear_top = rear_corner_z(shape), shape.roof_rear_z + 0.06
-    gap, gap_top = (0.28, 0.20) if shape.notchback else (0.13, 0.09)
-    if shape.style == "hatchback":
-        gap, gap_top = 0.26, 0.14
+    gap, gap_top = shape.rear_pillar
     return rear + gap, max(rear_top + gap_top, rear + gap + 0.10)
 
 

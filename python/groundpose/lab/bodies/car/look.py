@@ -90,7 +90,7 @@ class Fittings:
 def draw_fittings(shape: CarShape, rng: np.random.Generator) -> Fittings:
     """Choices that fit the car's age and style."""
     u, old = rng.uniform, shape.age < 0.4
-    long_roof = shape.style in ("estate", "suv")
+    long_roof = shape.style in ("estate", "suv", "mpv")
     rails = ("", "chrome", "plastic")[int(rng.choice(3, p=(0.3, 0.4, 0.3)))] if long_roof else ""
     return Fittings(
         mirror=(u(0.17, 0.22), u(0.12, 0.165) + 0.02 * (shape.style == "suv"), u(0.08, 0.13)),

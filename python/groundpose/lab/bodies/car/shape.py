@@ -23,14 +23,43 @@ class _Style(NamedTuple):
     boot: tuple[float, float]  # length of the boot lid, m
     roof: float  # half width of the roof's edge as a fraction of the body's
     roof_fall: tuple[float, float]  # the roof's rear edge below its highest point, m
+    two_door: float  # fraction with two side doors
+    pillar: tuple[float, float]  # rear pillar at its lower and upper end, m
 
 
 _STYLES: dict[str, _Style] = {
-    "sedan": _Style(0.490, 0.660, 0.630, 0.712, 0.36, 30.0, (22, 33), (0.30, 0.70), 0.710, (0.05, 0.10)),
-    "hatchback": _Style(0.485, 0.655, 0.625, 0.680, 0.24, 31.5, (38, 66), (0.0, 0.03), 0.735, (0.04, 0.12)),
-    "estate": _Style(0.485, 0.655, 0.625, 0.680, 0.36, 30.5, (40, 66), (0.0, 0.03), 0.720, (0.03, 0.09)),
-    "suv": _Style(0.525, 0.665, 0.640, 0.680, 0.36, 33.5, (40, 66), (0.0, 0.03), 0.745, (0.03, 0.10)),
-    "coupe": _Style(0.500, 0.675, 0.650, 0.735, 0.46, 27.5, (17, 27), (0.25, 0.65), 0.680, (0.07, 0.13)),
+    "sedan": _Style(
+        *(0.490, 0.660, 0.630, 0.712, 0.36, 30.0, (22, 33), (0.30, 0.70), 0.710, (0.05, 0.10), 0.0),
+        (0.28, 0.20),
+    ),
+    "hatchback": _Style(
+        *(0.485, 0.655, 0.625, 0.680, 0.24, 31.5, (38, 66), (0.0, 0.03), 0.735, (0.04, 0.12), 0.30),
+        (0.26, 0.14),
+    ),
+    "estate": _Style(
+        *(0.485, 0.655, 0.625, 0.680, 0.36, 30.5, (40, 66), (0.0, 0.03), 0.720, (0.03, 0.09), 0.0),
+        (0.13, 0.09),
+    ),
+    "suv": _Style(
+        *(0.525, 0.665, 0.640, 0.680, 0.36, 33.5, (40, 66), (0.0, 0.03), 0.745, (0.03, 0.10), 0.0),
+        (0.13, 0.09),
+    ),
+    "coupe": _Style(
+        *(0.500, 0.675, 0.650, 0.735, 0.46, 27.5, (17, 27), (0.25, 0.65), 0.680, (0.07, 0.13), 1.0),
+        (0.28, 0.20),
+    ),
+    "city_car": _Style(
+        *(0.500, 0.655, 0.625, 0.685, 0.12, 34.0, (50, 70), (0.0, 0.02), 0.740, (0.03, 0.10), 0.45),
+        (0.24, 0.14),
+    ),
+    "kei_car": _Style(
+        *(0.515, 0.615, 0.590, 0.630, 0.00, 40.0, (68, 80), (0.0, 0.01), 0.810, (0.01, 0.05), 0.0),
+        (0.16, 0.10),
+    ),
+    "mpv": _Style(
+        *(0.480, 0.625, 0.600, 0.640, 0.15, 34.0, (50, 70), (0.0, 0.02), 0.755, (0.03, 0.09), 0.0),
+        (0.14, 0.09),
+    ),
 }
 
 
@@ -43,7 +72,6 @@ class CarShape:
     """One car. Metres, radians; heights above the ground, z along the object frame."""
 
     style: str
-    age: float  # 0: about 1990, 1: today
     outer: Dimensions
     bonnet_height: float
     cowl_height: float
@@ -79,6 +107,16 @@ class CarShape:
         return 0.5 * self.outer.width
 
     @property
+    def age(self) -> float:
+        """Age of the design: 0 is about 1990, 1 is today."""
+        return self.outer.age
+
+    @property
+    def rear_pillar(self) -> tuple[float, float]:
+        """Length of the rear pillar along the car at its lower and upper end, metres."""
+        return _STYLES[self.style].pillar
+
+    @property
     def bumper_height(self) -> float:
         """Height of the foremost line of the front above the ground, metres."""
         return 0.30 + 0.32 * self.bonnet_height
@@ -92,31 +130,26 @@ class CarShape:
 def draw_shape(style: str, rng: np.random.Generator) -> CarShape:
     """A car of this style."""
     row = _STYLES[style]
-    age = float(rng.beta(2.2, 1.6))
     n, u = rng.normal, rng.uniform
-    # Some hatchbacks and estates are people carriers: taller, with the cab further forward.
-    carrier = max(0.0, u(-3.0, 1.0)) if style in ("hatchback", "estate") else 0.0
-    outer = _of_age(draw_dimensions("car", style, rng), age, carrier)
-    newer = age - 0.5
+    outer = draw_dimensions("car", style, rng)
+    age, newer = outer.age, outer.age - 0.5
     length, height = outer.length, outer.height
     cowl = height * (row.cowl + 0.015 * newer + n(0.0, 0.010))
     belt = height * (row.belt + 0.030 * newer + n(0.0, 0.012))
     deck = max(height * (row.deck + 0.030 * newer + n(0.0, 0.010)), belt + 0.03)
     bonnet = height * (row.bonnet + 0.035 * newer + n(0.0, 0.012))
-    cowl_z = outer.front_axle - row.cab - 0.05 * newer + 0.12 * carrier - n(0.0, 0.08)
+    cowl_z = outer.front_axle - row.cab - 0.05 * newer - n(0.0, 0.08)
     boot = u(*row.boot) * (1.1 - 0.25 * age)
     tail_lean = u(0.04, 0.10)
     deck_z = -0.5 * length + tail_lean + 0.05 + boot
     fall = u(*row.roof_fall)
-    roof = row.roof + 0.02 * carrier
     front_run = (height - 0.055 - cowl) / np.tan(np.deg2rad(row.rake_front - 5.0 * newer + n(0.0, 1.2)))
     roof_front_z = cowl_z - float(front_run)
     rear_run = (height - fall - deck) / np.tan(np.deg2rad(u(*row.rake_rear)))
-    two_door = style == "coupe" or (style == "hatchback" and u() < 0.35)
+    two_door = bool(u() < row.two_door)
     roof_rear_z = min(deck_z + float(rear_run), roof_front_z - _SHORTEST_ROOF[not two_door])
     return CarShape(
         style=style,
-        age=age,
         outer=outer,
         bonnet_height=bonnet,
         cowl_height=cowl,
@@ -129,7 +162,7 @@ def draw_shape(style: str, rng: np.random.Generator) -> CarShape:
         roof_front_z=roof_front_z,
         roof_rear_z=roof_rear_z,
         roof_fall=fall,
-        roof_half_width=0.5 * outer.width * (roof - 0.035 * newer + n(0.0, 0.010)),
+        roof_half_width=0.5 * outer.width * (row.roof - 0.035 * newer + n(0.0, 0.010)),
         screen_bow=u(0.14, 0.24),
         nose_bow=u(0.03, 0.07) + 0.06 * age * u(),
         nose_lean=u(0.05, 0.11) + 0.06 * age,
@@ -145,19 +178,4 @@ def draw_shape(style: str, rng: np.random.Generator) -> CarShape:
         two_door=two_door,
         rim_radius=outer.wheel_radius * (0.60 + 0.12 * age + n(0.0, 0.015)),
         tyre_width=float(np.clip(0.175 + 0.055 * age + n(0.0, 0.008), 0.155, 0.265)),
-    )
-
-
-def _of_age(outer: Dimensions, age: float, carrier: float) -> Dimensions:
-    """Measures by age and type: older cars are smaller and narrower, people carriers taller."""
-    newer = age - 0.58  # 0.58 is the mean age drawn, so mean measures are those of the table
-    longer, wider = 0.20 * newer, 0.10 * newer
-    return Dimensions(
-        outer.length + longer,
-        outer.height + 0.02 * newer + (0.05 + 0.13 * carrier if carrier else 0.0),
-        outer.width + wider,
-        outer.front_axle + 0.5 * longer,
-        outer.rear_axle - 0.5 * longer,
-        outer.wheel_radius + 0.035 * newer,
-        outer.clearance - 0.02 * newer,
     )
