@@ -9,15 +9,15 @@ import numpy as np
 from groundpose.keypoints.codec import Codec
 from groundpose.lab.training.crops import Sample
 from groundpose.lab.training.nothing import nothing_of
-from groundpose.lab.training.rendered import drawn_frames, vehicle_samples
+from groundpose.lab.training.rendered import MIXED, drawn_frames, vehicle_samples
 
 NOTHING_PER_VEHICLE = 0.25
 """Crops without a vehicle for each crop of one."""
 
 
 def drive_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
-    """The vehicles of `rendered_samples` and, of the same frames, places without one."""
-    for frame in drawn_frames(seed, split, first, count):
+    """Vehicles as cameras of all kinds see them and, of the same frames, places without one."""
+    for frame in drawn_frames(seed, split, first, count, MIXED):
         vehicles = 0
         for sample in vehicle_samples(frame, codec):
             yield sample

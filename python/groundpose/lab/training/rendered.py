@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from groundpose.keypoints.codec import Codec
+from groundpose.lab.bodies import STYLE_NAMES
 from groundpose.lab.drive import Label, Scene, labels, scene, scene_seed
+from groundpose.lab.drive.rigs import RIGS, Rigs
 from groundpose.lab.training.crops import Sample, record
 
 if TYPE_CHECKING:
@@ -19,20 +21,21 @@ SMALLEST = 18.0
 """Least height of a box, pixels; evaluations start at 25."""
 MOST_HIDDEN, MOST_CUT = 0.8, 0.6
 """Largest fractions of a vehicle hidden by others and outside the image."""
-FRAME_STEP = 4
+FRAME_STEP = 2
 """One frame in this many is drawn, because successive frames are similar."""
+CAR, MIXED = RIGS["car"], RIGS["mixed"]
 
 
 def rendered_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
-    """The vehicles used for training in `count` frames, every `FRAME_STEP`-th of the drives."""
-    for frame in drawn_frames(seed, split, first, count):
+    """The vehicles used for training in `count` frames of the camera of one car."""
+    for frame in drawn_frames(seed, split, first, count, CAR):
         yield from vehicle_samples(frame, codec)
 
 
-def drawn_frames(seed: int, split: str, first: int, count: int) -> Iterator[Scene]:
+def drawn_frames(seed: int, split: str, first: int, count: int, rigs: Rigs) -> Iterator[Scene]:
     """The `count` frames from the `first`-th of those that are drawn."""
     for number in range(first * FRAME_STEP, (first + count) * FRAME_STEP, FRAME_STEP):
-        yield scene(scene_seed(seed, split), number)
+        yield scene(scene_seed(seed, split), number, rigs=rigs)
 
 
 def vehicle_samples(frame: Scene, codec: Codec) -> Iterator[Sample]:
@@ -53,6 +56,11 @@ def vehicle_samples(frame: Scene, codec: Codec) -> Iterator[Sample]:
                 frame=frame.number,
                 index=label.index,
                 occluded=label.occluded_share,
+                truncation=label.truncation,
+                alpha=label.alpha,
+                size=label.size,
+                style=STYLE_NAMES.index(label.style),
+                camera=(frame.height, frame.pitch, frame.roll, frame.camera.fx),
             ),
         )
 
