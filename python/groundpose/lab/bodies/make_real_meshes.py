@@ -146,8 +146,9 @@ def _inside(parts: Parts, style: str) -> list[Component]:
     screen, first, last = parts.pane_ends(1.0)[1], parts.side_panes[0], parts.side_panes[-1]
     rear = parts.pane_ends(-1.0)[1][2] if style == "single_cab" else parts.body[:, 2].min()
     belt, low = float(first[:, 1].max()), float(parts.body[:, 1].max())
+    roof = float(parts.body[:, 1].min())
     half = 0.8 * float(parts.hubs()[0][:, 0].min()) - 0.1
-    ends, top = (0.85 * float(parts.body[:, 2].max()), float(rear) + 0.12), belt + 0.42
+    ends, top = (0.85 * float(parts.body[:, 2].max()), float(rear) + 0.12), max(belt + 0.42, roof + 0.98)
     size = (2.0 * half, low - top, ends[0] - ends[1])
     place = 0.5 * half, -top, float(first[:, 2].min()) + 0.25
     body = parts.whole["body"]
@@ -161,7 +162,7 @@ def _inside(parts: Parts, style: str) -> list[Component]:
     if style == "van":
         return [*found, block(2.0 * half, 1.0, 0.03, "interior", (0.0, top - 0.5, place[2] - 0.35))]
     benches = [float(pane[:, 2].min()) for pane in parts.side_panes[1:-1]] + [float(last[:, 2].min()) + 0.3]
-    rows = [] if style == "single_cab" else benches
+    rows = [] if style in ("single_cab", "coupe") else benches
     return found + [part.moved(0.0, top, z) for z in rows for part in seat(1.8 * half, 0.5, 2)]
 
 
