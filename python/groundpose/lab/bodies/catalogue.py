@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 
 from groundpose._checks import FloatArray, count, input_error
+from groundpose.lab.bodies import real
 from groundpose.lab.bodies.body import Body
 from groundpose.lab.bodies.box_truck import body as box_truck
 from groundpose.lab.bodies.car import body as car
@@ -24,6 +25,9 @@ _BUILDERS: dict[str, ModuleType] = {"car": car, "van_bus": van_bus, "pickup": pi
 def body(class_name: str, seed: int, style: str | None = None) -> Body:
     """The vehicle of class `class_name` with number `seed`; the same arguments give the same bytes.
 
+    Without a style, the few seeds `real.seeds(class_name)` are vehicles drawn by hand; the others are
+    procedural.
+
     Args:
         class_name: class, one of `CLASSES`.
         seed: 0 or larger.
@@ -35,6 +39,8 @@ def body(class_name: str, seed: int, style: str | None = None) -> Body:
     drawn = style_of(class_name, seed)  # checks class and seed
     if style is not None and style not in STYLES[class_name]:
         raise input_error("style", f"one of {', '.join(STYLES[class_name])}", repr(style))
+    if style is None and seed in real.seeds(class_name):
+        return real.build(class_name, seed)
     made: Body = _BUILDERS[class_name].build(style or drawn, seed)
     return made
 
@@ -46,7 +52,10 @@ def keypoints_of(class_name: str, seed: int) -> FloatArray:
 
 def outline(class_name: str, seed: int) -> tuple[FloatArray, FloatArray]:
     """`keypoints_3d` (P, 3) and `bbox_3d` (2, 3) of `body(class_name, seed)`, computed without the mesh."""
-    made: tuple[FloatArray, FloatArray] = _BUILDERS[class_name].keypoints(style_of(class_name, seed), seed)
+    style = style_of(class_name, seed)  # checks class and seed
+    if seed in real.seeds(class_name):
+        return real.outline(class_name, seed)
+    made: tuple[FloatArray, FloatArray] = _BUILDERS[class_name].keypoints(style, seed)
     return made
 
 
@@ -54,6 +63,8 @@ def style_of(class_name: str, seed: int) -> str:
     """The style of `body(class_name, seed)`, from its own stream: bodies stay when frequencies change."""
     if class_name not in CLASSES:
         raise input_error("class_name", f"one of {', '.join(CLASSES)}", repr(class_name))
+    if seed in real.seeds(class_name):
+        return real.style(class_name, seed)
     rng = np.random.Generator(
         np.random.PCG64(np.random.SeedSequence((count("seed", seed), CLASSES.index(class_name))))
     )

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from groundpose._checks import count, input_error
-from groundpose.lab.bodies import Body
+from groundpose.lab.bodies import Body, real
 from groundpose.lab.bodies import body as make_body
 from groundpose.lab.bodies.catalogue import outline
 from groundpose.vehicles import CLASSES
@@ -19,6 +19,8 @@ SEEDS_PER_SPLIT = 2**32
 # Bodies of a class in each split: number of the first one, and how many of cars and of the other classes.
 _FIRST_BODY = {"train": 100_000, "validation": 200_000, "test": 300_000}
 _BODIES = {"train": (3000, 1000), "validation": (300, 100), "test": (300, 100)}
+# Fraction of the training split's vehicles that are drawn by hand, in the classes that have such.
+_DRAWN_BY_HAND = 0.03
 
 
 def scene_seed(seed: int, split: str = "train") -> int:
@@ -44,6 +46,9 @@ def split_of(seed: int) -> str:
 
 def random_body(rng: np.random.Generator, class_name: str, split: str) -> int:
     """Seed of a body of class `class_name` that only this split uses."""
+    drawn_by_hand = real.seeds(class_name) if split == "train" else ()
+    if drawn_by_hand and rng.random() < _DRAWN_BY_HAND:
+        return drawn_by_hand[int(rng.integers(len(drawn_by_hand)))]
     return _FIRST_BODY[split] + int(rng.integers(bodies_of(split, class_name)))
 
 
