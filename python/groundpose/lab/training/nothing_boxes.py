@@ -2,8 +2,8 @@
 
 A box holds none when every vehicle of the scene, labelled or not, hidden or not, covers at most
 `MOST_COVERED` of it. Pieces of vehicles are nothing too: a box within one vehicle that is at most
-`LARGEST_PIECE` of the vehicle's box, if the crop of a network shows at most `MOST_SHOWN` of the vehicle around
-it (a crop is wider than a narrow box). Vehicles used for training show at least 0.4 of their box
+`LARGEST_PIECE` of the vehicle's box, if the crop of a network shows at most `MOST_SHOWN` of the vehicle
+around it (a crop is wider than a narrow box). Vehicles used for training show at least 0.4 of their box
 (`rendered.MOST_CUT`). Boxes between the two are in neither set, because either answer would be right.
 """
 
