@@ -22,7 +22,7 @@ from groundpose.lab.drive.solids import prop_corners
 from groundpose.lab.drive.visibility import clipped, look
 
 MOST_COVERED = 0.03
-LARGEST_PIECE, SMALLEST_PIECE, MOST_SHOWN = 0.25, 0.03, 0.4
+LARGEST_PIECE, SMALLEST_PIECE, MOST_SHOWN = 0.18, 0.03, 0.28
 LEAST_HEIGHT, MOST_HEIGHT = 18.0, 400.0
 LEAST_ASPECT, MOST_ASPECT = 0.5, 3.0
 _TRIES = 30
