@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from groundpose.lab.drive import scene, scene_seed
 from groundpose.lab.training import nothing, nothing_boxes
-from groundpose.lab.training.crops import LABEL, STORED
+from groundpose.lab.training.crops import LABEL, STORED, record_of
 from groundpose.lab.training.nothing_boxes import LARGEST_PIECE, MOST_COVERED, MOST_SHOWN, View, covered
 from groundpose.lab.training.nothing_patterns import PATTERNS, pattern
 from groundpose.vehicles import CLASSES
@@ -78,7 +78,7 @@ def test_patterns(draw, size):
 
 def test_a_record_of_nothing():
     box, window = np.array([1.0, 2, 31, 22]), np.array([0.0, 0, 40, 30])
-    made = nothing.nothing_record(box, window, (640, 480), 7, 2)
+    made = record_of(box=box, window=window, image_size=(640, 480), frame=7, object=-3)
     assert made.dtype == LABEL
     assert (made["kind"], made["frame"], made["object"], made["occluded"]) == (len(CLASSES), 7, -3, 0)
     assert np.isnan(made["keypoints"]).all()

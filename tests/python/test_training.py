@@ -246,9 +246,7 @@ def test_losses_of_the_other_heads(data):
     stored, codec = crops.Crops(data, "train"), Codec()
     images, labels = stored.take(np.arange(8))
     labels["alpha"], labels["size"], labels["style"] = 0.5 * np.pi, (4.0, 1.5, 1.7), 2
-    labels[4:] = crops.nothing_record(
-        box=labels["box"][0], window=labels["window"][0], image_size=IMAGE_SIZE, frame=0, index=0
-    )
+    labels[4:] = crops.record_of(box=labels["box"][0], window=labels["window"][0], image_size=IMAGE_SIZE)
     batch = Batcher(codec, stored.codec)(images, labels, np.random.default_rng(0))
     network = networks.KeypointNetwork(configs.NETWORKS["toy"])
     loss = Loss(network, codec, SMALL)

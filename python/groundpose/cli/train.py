@@ -88,7 +88,7 @@ def crops(
     with mistakes(), _extra():
         from groundpose.lab.drive import SPLITS
         from groundpose.lab.training.crops import STORED, write_crops
-        from groundpose.lab.training.rendered import rendered_samples
+        from groundpose.lab.training.mixed import drive_samples
         from groundpose.lab.training.toy import toy_samples
 
         if split not in (None, *SPLITS):
@@ -102,7 +102,7 @@ def crops(
         if keypoints is not None or images is not None:
             raise TypeError("--keypoints, --images: expected --from-coco with them, got none")
         split = split or "train"
-        source = toy_samples if toy else rendered_samples
+        source = toy_samples if toy else drive_samples
         with _bar() as bar:
             task = bar.add_task(f"{split} shards", total=None)
 
@@ -306,7 +306,7 @@ def _render(data: Path, minutes: float, jobs: int | None, device: str) -> float:
     """Render crops in a part of the time; the minutes left."""
     from groundpose.lab.training.device import cores
     from groundpose.lab.training.in_time import Plan, render
-    from groundpose.lab.training.rendered import rendered_samples
+    from groundpose.lab.training.mixed import drive_samples
 
     with _bar() as bar:
         task = bar.add_task("rendering", total=None)
@@ -314,7 +314,7 @@ def _render(data: Path, minutes: float, jobs: int | None, device: str) -> float:
         def advance(split: str, shards: int) -> None:
             bar.update(task, completed=shards, description=f"rendering, shards of {split}")
 
-        return render(Plan(data, rendered_samples, minutes, jobs or cores()), advance)
+        return render(Plan(data, drive_samples, minutes, jobs or cores()), advance)
 
 
 def _toy_crops(folder: Path) -> Path:

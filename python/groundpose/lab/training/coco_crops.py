@@ -23,8 +23,7 @@ from groundpose.keypoints.codec import Codec, cut, usable
 from groundpose.keypoints.image import as_rgb
 from groundpose.lab.drive import OUTSIDE, SPLITS
 from groundpose.lab.training.coco_map import CocoMap, keypoints_of
-from groundpose.lab.training.crops import Sample
-from groundpose.lab.training.records import record_of
+from groundpose.lab.training.crops import Sample, record_of
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS
 
@@ -74,11 +73,16 @@ class CocoSource:
             image = as_rgb(picture.path)
             for index, vehicle in enumerate(picture.vehicles):
                 window = codec.windows(vehicle.box[None])[0]
-                label = record_of({
-                    **{"keypoints": vehicle.keypoints, "state": vehicle.state, "kind": vehicle.kind},
-                    **{"box": vehicle.box, "window": window, "image_size": picture.size},
-                    **{"frame": number, "object": index},
-                })  # fmt: skip
+                label = record_of(
+                    keypoints=vehicle.keypoints,
+                    state=vehicle.state,
+                    kind=vehicle.kind,
+                    box=vehicle.box,
+                    window=window,
+                    image_size=picture.size,
+                    frame=number,
+                    object=index,
+                )
                 yield Sample(cut(image, window, codec.width, codec.height), label)
 
 

@@ -78,44 +78,22 @@ class Source(Protocol):
 
 
 def record(
-    *,
-    keypoints: FloatArray,
-    state: NDArray[np.integer[Any]],
-    class_name: str,
-    box: FloatArray,
-    window: FloatArray,
-    image_size: tuple[int, int],
-    frame: int,
-    index: int,
-    **known: ArrayLike,
+    class_name: str, keypoints: FloatArray, state: NDArray[np.integer[Any]], **values: ArrayLike
 ) -> Records:
-    """A record of `LABEL` from the keypoints (P, 2) and states (P,) of a vehicle of class `class_name`.
-
-    `known`: other fields of `LABEL`; those left out are unknown (`occluded` and `truncation`: 0).
-    """
-    made = nothing_record(box=box, window=window, image_size=image_size, frame=frame, index=index, **known)
+    """A record of a vehicle of class `class_name` with keypoints (P, 2) and their states (P,)."""
+    made = record_of(kind=CLASSES.index(class_name), **values)
     rows = keypoint_indices(class_name)
     made["keypoints"][rows], made["state"][rows] = keypoints, state
-    made["kind"] = CLASSES.index(class_name)
     return made
 
 
-def nothing_record(
-    *,
-    box: FloatArray,
-    window: FloatArray,
-    image_size: tuple[int, int],
-    frame: int,
-    index: int,
-    **known: ArrayLike,
-) -> Records:
-    """A record of `LABEL` of a box without a vehicle; `known`: other fields of `LABEL`."""
+def record_of(**values: ArrayLike) -> Records:
+    """A record of `LABEL` with these values. What is not given is unknown; without `kind` nothing is there."""
     made = np.zeros((), dtype=LABEL)
-    made["keypoints"], made["alpha"], made["size"], made["camera"] = np.nan, np.nan, np.nan, np.nan
+    for name in ("keypoints", "alpha", "size", "camera"):
+        made[name] = np.nan
     made["kind"], made["style"] = NOTHING, NO_STYLE
-    made["box"], made["window"], made["image_size"] = box, window, image_size
-    made["frame"], made["object"] = frame, index
-    for name, value in known.items():
+    for name, value in values.items():
         made[name] = value
     return made
 

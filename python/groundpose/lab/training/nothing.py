@@ -10,7 +10,7 @@ import numpy as np
 from groundpose._checks import FloatArray
 from groundpose.keypoints.codec import Codec
 from groundpose.lab.drive import Scene
-from groundpose.lab.training.crops import LABEL, Records, Sample
+from groundpose.lab.training.crops import Records, Sample, record_of
 from groundpose.lab.training.nothing_boxes import (
     Choose,
     Place,
@@ -24,12 +24,8 @@ from groundpose.lab.training.nothing_boxes import (
     piece,
 )
 from groundpose.lab.training.nothing_patterns import pattern
-from groundpose.lab.training.records import record_of
-from groundpose.lab.training.rendered import drawn_frames, renderer
-from groundpose.vehicles.classes import CLASSES
+from groundpose.lab.training.rendered import MIXED, drawn_frames, renderer
 
-NOTHING = len(CLASSES)
-"""`kind` of a record without a vehicle."""
 PER_FRAME = 6
 """Crops of each frame of `nothing_samples`."""
 _PATTERN_IMAGE = (1280, 800)
@@ -58,7 +54,7 @@ _ANYWHERE, _PATTERN = 0, len(KINDS) - 1
 
 def nothing_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
     """`PER_FRAME` crops without a vehicle of each of `count` frames."""
-    for frame in drawn_frames(seed, split, first, count):
+    for frame in drawn_frames(seed, split, first, count, MIXED):
         yield from nothing_of(frame, PER_FRAME, codec)
 
 
@@ -85,8 +81,7 @@ def _drawn(place: Place, row: int, number: int, codec: Codec) -> Sample:
     image = renderer().window(
         scene, window, (codec.width, codec.height), (87, scene.seed, scene.number, number)
     )
-    label = nothing_record(place.box, window, size, scene.number, row)
-    return Sample(image, _with_camera(label, scene))
+    return Sample(image, _label(place.box, window, size, scene, row))
 
 
 def _painted(rng: np.random.Generator, frame: Scene, codec: Codec) -> Sample:
@@ -94,21 +89,17 @@ def _painted(rng: np.random.Generator, frame: Scene, codec: Codec) -> Sample:
     size = np.array(_PATTERN_IMAGE, dtype=float)
     while box is None:
         box = inside(detector_box(rng, 0.5 * size), size)
-    label = nothing_record(box, codec.windows(box[None])[0], _PATTERN_IMAGE, frame.number, _PATTERN)
-    return Sample(pattern(rng, codec.width, codec.height), _with_camera(label, frame))
+    label = _label(box, codec.windows(box[None])[0], _PATTERN_IMAGE, frame, _PATTERN)
+    return Sample(pattern(rng, codec.width, codec.height), label)
 
 
-def nothing_record(
-    box: FloatArray, window: FloatArray, image_size: tuple[int, int], frame: int, index: int
-) -> Records:
-    """A record of `LABEL` without a vehicle; its `object` is `-1 - index`, `index` a row of `KINDS`."""
-    return record_of({
-        **{"keypoints": np.nan, "kind": NOTHING, "box": box, "window": window, "image_size": image_size},
-        **{"frame": frame, "object": -1 - index},
-    })  # fmt: skip
-
-
-def _with_camera(label: Records, scene: Scene) -> Records:
-    if "camera" in (LABEL.names or ()):
-        label["camera"] = scene.height, scene.pitch, scene.roll, scene.camera.fx
-    return label
+def _label(box: FloatArray, window: FloatArray, size: tuple[int, int], scene: Scene, row: int) -> Records:
+    """A record without a vehicle; its `object` is `-1 - row`, the row of `KINDS`."""
+    return record_of(
+        box=box,
+        window=window,
+        image_size=size,
+        frame=scene.number,
+        object=-1 - row,
+        camera=(scene.height, scene.pitch, scene.roll, scene.camera.fx),
+    )

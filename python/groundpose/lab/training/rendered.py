@@ -54,7 +54,7 @@ def vehicle_samples(frame: Scene, codec: Codec) -> Iterator[Sample]:
                 window=window,
                 image_size=frame.camera.image_size,
                 frame=frame.number,
-                index=label.index,
+                object=label.index,
                 occluded=label.occluded_share,
                 truncation=label.truncation,
                 alpha=label.alpha,

@@ -36,7 +36,7 @@ def toy_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> 
             window=window,
             image_size=IMAGE_SIZE,
             frame=frame,
-            index=0,
+            object=0,
         )
         yield Sample(cut(image, window, codec.width, codec.height), label)
 
