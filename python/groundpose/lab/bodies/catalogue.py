@@ -72,6 +72,6 @@ def style_of(class_name: str, seed: int) -> str:
 
 
 def region_of(class_name: str, seed: int, style: str | None = None) -> str:
-    """The region, one of `regions.REGIONS`, of `body(class_name, seed, style)`: the first draw of its stream."""
+    """The region, one of `regions.REGIONS`, of `body(class_name, seed, style)`."""
     style = style or style_of(class_name, seed)
     return draw_region(class_name, style, random_stream(class_name, style, seed))

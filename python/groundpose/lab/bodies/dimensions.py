@@ -1,10 +1,10 @@
 """Distributions of the measures of vehicles on the road, from which bodies are drawn.
 
-Means and standard deviations follow makers' data sheets for Europe, at the mean age; `regions` changes them by
-region and age. Labels of benchmarks, length x height x width, to compare: KITTI (Karlsruhe 2011) car 3.89 x 1.51 x
-1.62, van 4.92 x 2.14 x 1.90, truck 9.35 x 3.32 x 2.53 m; Rope3D (China) car 4.59 x 1.69 x 1.96 m. New cars sold
-from 2013 to 2023 are 4.42 to 4.53 m long and 1.80 to 1.84 m wide in the European Union. Widths are without
-mirrors.
+Means and standard deviations are rounded from makers' data sheets of common vehicles in Europe, at the mean
+age; `regions` changes them by region and age. Widths are without mirrors. Labels of benchmarks to compare,
+length x height x width: KITTI (Karlsruhe 2011) car 3.89 x 1.51 x 1.62, van 4.92 x 2.14 x 1.90, truck 9.35 x
+3.32 x 2.53 m; Rope3D (China) car 4.59 x 1.69 x 1.96 m. New cars of the European Union, 2013 to 2023, are
+4.42 to 4.53 m long and 1.80 to 1.84 m wide, kei cars at most 3.40 x 2.00 x 1.48 m.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ _TABLE: dict[tuple[str, str], _Row] = {
         Spread(3.34, 0.03, 3.24, 3.38),
         Spread(1.68, 0.110, 1.48, 1.86),
         Spread(1.465, 0.010, 1.43, 1.48),
-        Spread(0.672, 0.006, 0.66, 0.685),
+        Spread(0.672, 0.006, 0.66, 0.685),  # real ones reach 0.74: the body must end behind its wheel arch
         Spread(0.62, 0.015, 0.58, 0.66),
         Spread(0.277, 0.008, 0.26, 0.295),
         Spread(0.17, 0.010, 0.15, 0.20),
@@ -226,7 +226,7 @@ def random_stream(class_name: str, style: str, seed: int) -> np.random.Generator
 
 
 def draw_dimensions(class_name: str, style: str, rng: np.random.Generator) -> Dimensions:
-    """Region, age and outer measures of a vehicle of this style; `rng`: its `random_stream`, not yet drawn from."""
+    """Region, age and outer measures of a vehicle of this style, the first draws of its `random_stream`."""
     row = _TABLE[class_name, style]
     region = draw_region(class_name, style, rng)
     age = draw_age(rng)

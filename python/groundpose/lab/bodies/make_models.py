@@ -22,7 +22,7 @@ from groundpose.vehicles.shape_models import FOLDER
 
 BODIES = 4000
 """Bodies of each class: seeds 0 to `BODIES - 1`."""
-LEFT_M = 0.04
+LEFT_M = 0.035
 """Modes are kept until the root mean square distance to the keypoints of a body falls to this, metres: below
 the noise of a detector's keypoints, which is 1 to 3 % of the vehicle."""
 FEWEST, MOST = 5, 10

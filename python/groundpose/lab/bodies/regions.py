@@ -1,10 +1,10 @@
 """Where vehicles drive: regions of the world, what is driven in each, how sizes differ there and with age.
 
-Fractions of regions follow the registered vehicles of each class (a third of all cars in Europe, with Russia and
-Turkey), with somewhat more of Europe and Japan, from where many road pictures come; styles follow sales by
-segment (Europe: ACEA and JATO, Japan: JAMA, kei cars more than a third; China: CPCA; North America: EPA's
-Automotive Trends). Sizes follow makers' data sheets of the vehicles named. They are rounded: what counts is the
-spread.
+The fractions are estimates, not statistics: cars by registered vehicles (about a third in Europe with
+Russia and Turkey), with somewhat more of Europe and Japan, from where many road pictures come; kei cars are
+over a third of Japan's. Sizes are rounded from common vehicles, which are named. What counts is the spread
+and the mean: the mean car is 4.22 x 1.55 x 1.75 m (length x height x width), between the labels of KITTI
+and new cars.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+
+from groundpose._checks import FloatArray
 
 REGIONS: tuple[str, ...] = ("europe", "north_america", "china", "japan", "elsewhere")
 """Regions; `elsewhere` is mostly India, South-East Asia, Latin America and Africa."""
@@ -125,7 +127,7 @@ class Growth(NamedTuple):
 
 
 _CAR, _VAN, _PICKUP = Growth(0.30, 0.05, 0.13), Growth(0.25, 0.05, 0.09), Growth(0.35, 0.08, 0.14)
-# Golf II to VIII: 3.99 x 1.42 x 1.67 to 4.28 x 1.49 x 1.79. Kei cars grew by law in 1998. Hilux 1989 to today.
+# Golf II to VIII: 3.99 x 1.42 x 1.67 to 4.28 x 1.49 x 1.79 m; a law of 1998 let kei cars grow.
 _GROWTH: dict[str, Growth] = {
     **dict.fromkeys(("sedan", "hatchback", "estate", "suv", "coupe", "mpv"), _CAR),
     "city_car": Growth(0.20, 0.04, 0.12),
@@ -140,8 +142,7 @@ _MEAN_AGE = _AGE[0] / sum(_AGE)
 
 def style_fractions(class_name: str) -> list[float]:
     """Fraction of each of `STYLES[class_name]` in the world."""
-    joint = _joint(class_name)
-    return [float(row.sum()) for row in joint]
+    return [float(row.sum()) for row in _joint(class_name)]
 
 
 def draw_region(class_name: str, style: str, rng: np.random.Generator) -> str:
@@ -151,7 +152,7 @@ def draw_region(class_name: str, style: str, rng: np.random.Generator) -> str:
 
 
 def draw_age(rng: np.random.Generator) -> float:
-    """Year of the design: 0 is about 1990, 1 is today."""
+    """Age of the design: 0 is about 1990, 1 is today."""
     return float(rng.beta(*_AGE))
 
 
@@ -166,9 +167,8 @@ def growth(style: str, age: float) -> Growth:
     return Growth(*((age - _MEAN_AGE) * metres for metres in since))
 
 
-def _joint(class_name: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def _joint(class_name: str) -> FloatArray:
     """Fraction (styles, regions) of each style and region among all vehicles of a class."""
     styles = np.array(list(_STYLES[class_name].values()), dtype=np.float64)
     joint = styles * np.array(_FRACTIONS[class_name])
-    whole: np.ndarray[tuple[int, int], np.dtype[np.float64]] = joint / joint.sum()
-    return whole
+    return np.asarray(joint / joint.sum())

@@ -23,9 +23,12 @@ This page is written by `groundpose evaluate shapes` (a minute)."""
 BODIES_TEXT = """\
 ## Bodies
 
-Every component is closed and faces outward; windows are glass with seats behind them. Means over ten bodies
-per style. For comparison KITTI's labels, length / height / width: car 3.90 / 1.51 / 1.62, van 4.97 / 2.18 /
-1.90, truck 9.53 / 3.30 / 2.53 m."""
+Every component is closed and faces outward; windows are glass with seats behind them. Each body belongs
+to a region (Europe, North America, China, Japan, elsewhere), which decides what styles are common and how
+large they are, and to an age between 1990 and today: old vehicles are shorter, lower and narrower.
+Fractions and sizes are estimates in tables (`lab/bodies/regions.py`, `dimensions.py`). Means over ten
+bodies per style. For comparison KITTI's labels, length / height / width: car 3.89 / 1.51 / 1.62, van 4.92
+/ 2.14 / 1.90, truck 9.35 / 3.32 / 2.53 m."""
 KEYPOINTS_TEXT = """\
 ## Keypoints
 
@@ -38,7 +41,7 @@ MODELS_TEXT = """\
 Principal components of {bodies} bodies per class, written by `python -m groundpose.lab.bodies.make_models`.
 The bodies are aligned as they are made: one metric frame, origin on the ground under the middle. There is no
 Procrustes alignment: it would take out size and position, which vary between vehicles and which a pose is
-relative to. As many modes are kept as leave {left:.0f} cm (root mean square) to the keypoints of a body,
+relative to. As many modes are kept as leave {left:g} cm (root mean square) to the keypoints of a body,
 {fewest} to {most}. Vans and buses share one class: length fills its first mode, and a normal distribution
 describes it badly, because nothing is 8 m long. Measured on {unseen} bodies per class that the models
 were not made from:"""
@@ -123,7 +126,7 @@ def _models(models: dict[str, Any]) -> list[str]:
     text = MODELS_TEXT.format(
         bodies=first["bodies of the model"],
         unseen=first["unseen bodies"],
-        left=100 * LEFT_M,
+        left=round(100 * LEFT_M, 1),
         fewest=FEWEST,
         most=MOST,
     )

@@ -79,9 +79,8 @@ def _draw(style: str, seed: int) -> _Car:
 def _trim(shape: CarShape, face: Face, rng: np.random.Generator) -> Trim:
     old = shape.age < 0.4
     black = rng.random() < (0.45 if old else 0.85)
-    black_roof = (
-        shape.age > 0.7 and shape.style in ("suv", "hatchback", "coupe", "kei_car") and rng.random() < 0.1
-    )
+    two_tone = shape.style in ("suv", "hatchback", "coupe", "city_car", "kei_car")
+    black_roof = shape.age > 0.7 and two_tone and rng.random() < 0.1
     return Trim(
         b_pillar="plastic" if black else "paint",
         frame="plastic" if rng.random() < 0.25 else "paint",

@@ -17,6 +17,7 @@ from groundpose.lab.bodies.parts.trim import round_patch
 
 _LENS = 0.009  # height of a lamp's lens above the wall, metres
 _BEZEL = 0.004
+_LEAST_TAIL = 0.12  # length of a tail lamp along the wall, metres
 
 
 @dataclass(frozen=True)
@@ -86,11 +87,11 @@ def headlamp(shape: CarShape, shell: Shell, face: Face) -> Lamp:
 def tail_lamp(shape: CarShape, shell: Shell, face: Face) -> Lamp:
     """Outline of the right tail lamp, its outer end on the side of the body."""
     wall = shell.wall
-    start = float(wall.u_at_x(face.tail_inner * shape.half_width, rear=True))
     limit = shape.outer.rear_axle - shape.outer.wheel_radius - shape.arch_gap - 0.06
     end = float(
         wall.u_at_z(min(-0.5 * shape.outer.length + 0.10 + 0.5 * shape.tail_corner + face.tail_reach, limit))
     )
+    start = max(float(wall.u_at_x(face.tail_inner * shape.half_width, rear=True)), end + _LEAST_TAIL)
     u = np.linspace(start, end, 8)
     fraction = np.linspace(0.0, 1.0, 8)
     high = shell.top_at_u(u) - 0.050
