@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from groundpose.lab.bodies.body import MATERIALS, Body
+from groundpose.lab.cache import Arrays
 from groundpose.lab.drive import props
+from groundpose.lab.drive.body_cache import body, of_body
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.textures import layer
 
@@ -97,23 +99,47 @@ class GpuMesh:
             for name, program in programs.items()
         }
 
-    def fill(self, table: Floats) -> None:
-        """Put instances (N, INSTANCE_FLOATS) in place."""
-        if table.nbytes > self._instances.size:
-            self._instances.orphan(2 * table.nbytes)
-        self._instances.write(np.ascontiguousarray(table))
-
-    def draw(self, name: str, instances: int, level: int = 0, second: bool = False) -> None:
-        """Draw the first or the second part of a level."""
+    def draw(self, name: str, rows: Floats, level: int, second: bool = False) -> None:
+        """Draw instances (N, INSTANCE_FLOATS) of the first or the second part of a level."""
         part = 2 * level + second
         first, last = self._parts[part], self._parts[part + 1]
-        if last > first:
-            self._arrays[name].render(vertices=last - first, first=first, instances=instances)
+        if last == first:
+            return
+        if rows.nbytes > self._instances.size:
+            self._instances.orphan(2 * rows.nbytes)
+        self._instances.write(np.ascontiguousarray(rows))
+        self._arrays[name].render(vertices=last - first, first=first, instances=len(rows))
 
     def release(self) -> None:
         """Release the memory."""
         for item in (*self._arrays.values(), *self._buffers):
             item.release()
+
+
+class BodyMesh:
+    """The levels of detail of a body. The coarse ones come from the cache on disk; the finest one takes more
+    memory than all others together and is made when a vehicle fills the picture."""
+
+    def __init__(self, programs: dict[str, Any], class_name: str, seed: int) -> None:
+        """Upload the coarse levels."""
+        kept = of_body("levels", class_name, seed, _LEVEL_KEYS, lambda: _coarse(body(class_name, seed)))
+        self.box = kept["box"]
+        self._coarse = GpuMesh(programs, VEHICLE, _unpacked(kept))
+        self._make_fine = lambda: GpuMesh(programs, VEHICLE, [_finest(body(class_name, seed))])
+        self._fine: GpuMesh | None = None
+
+    def draw(self, name: str, rows: Floats, level: int, second: bool = False) -> None:
+        """Draw instances (N, INSTANCE_FLOATS) of the first or the second part of a level."""
+        if level == 0 and self._fine is None:
+            self._fine = self._make_fine()
+        mesh, place = (self._coarse, level - 1) if level or self._fine is None else (self._fine, 0)
+        mesh.draw(name, rows, place, second)
+
+    def release(self) -> None:
+        """Release the memory."""
+        self._coarse.release()
+        if self._fine is not None:
+            self._fine.release()
 
 
 def _used(program: Any, buffer: Any, layout: str, names: tuple[str, ...]) -> tuple[Any, ...]:
@@ -124,15 +150,18 @@ def _used(program: Any, buffer: Any, layout: str, names: tuple[str, ...]) -> tup
     return (buffer, " ".join(kept) + suffix, *[n for n in names if n in program])
 
 
-class Pool:
+Drawable = TypeVar("Drawable", GpuMesh, BodyMesh)
+
+
+class Pool(Generic[Drawable]):
     """The most recently used meshes; the others are released."""
 
     def __init__(self, size: int) -> None:
         """Keep at most `size` meshes."""
         self._size = size
-        self._meshes: OrderedDict[Hashable, GpuMesh] = OrderedDict()
+        self._meshes: OrderedDict[Hashable, Drawable] = OrderedDict()
 
-    def get(self, key: Hashable, make: Callable[[], GpuMesh]) -> GpuMesh:
+    def get(self, key: Hashable, make: Callable[[], Drawable]) -> Drawable:
         """The mesh of `key`, made if it is missing."""
         found = self._meshes.get(key)
         if found is None:
@@ -152,6 +181,31 @@ def level_of(levels: Sequence[tuple[float, float]], pixels_per_metre: float) -> 
 
 
 def vehicle_levels(body: Body) -> list[Level]:
+    """The levels of BODY_LEVELS."""
+    fine = _finest(body)
+    return [fine if cell == 0.0 else _clustered(*fine, cell) for _, cell in BODY_LEVELS]
+
+
+_LEVEL_KEYS = frozenset(("box", *(f"{what}{i}" for what in ("v", "f", "n") for i in range(1, len(BODY_LEVELS)))))
+
+
+def _coarse(body: Body) -> Arrays:
+    """All levels but the finest, to be kept, and the box (2, 3) of the finest."""
+    (fine, *_), *coarse = vehicle_levels(body)
+    out: Arrays = {"box": np.stack([fine[:, :3].min(axis=0), fine[:, :3].max(axis=0)]).astype(float)}
+    for i, (vertices, faces, split) in enumerate(coarse, 1):
+        small = faces.astype(np.min_scalar_type(len(vertices)))
+        out |= {f"v{i}": vertices, f"f{i}": small, f"n{i}": np.array(split)}
+    return out
+
+
+def _unpacked(kept: Arrays) -> list[Level]:
+    return [
+        (kept[f"v{i}"], kept[f"f{i}"].astype(np.int32), int(kept[f"n{i}"])) for i in range(1, len(BODY_LEVELS))
+    ]
+
+
+def _finest(body: Body) -> Level:
     """Vertices (V, 10): position, normal, place within the part, material; faces with the panes last."""
     parts, materials = body.parts.astype(np.int64), body.materials.astype(np.int64)
     corner = (body.faces.astype(np.int64) * 65536 + parts[:, None]) * 64 + materials[:, None]
@@ -167,8 +221,7 @@ def vehicle_levels(body: Body) -> list[Level]:
     vertices, faces = _cut(data.astype(np.float32), back.reshape(-1, 3).astype(np.int32))
     panes = vertices[faces[:, 0], 9] == MATERIALS.index("glass")
     order = np.argsort(panes, kind="stable")
-    fine = vertices, faces[order], int((~panes).sum())
-    return [fine if cell == 0.0 else _clustered(*fine, cell) for _, cell in BODY_LEVELS]
+    return vertices, faces[order], int((~panes).sum())
 
 
 def _cut(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
@@ -211,7 +264,8 @@ def _clustered(vertices: Floats, faces: Faces, split: int, cell: float) -> Level
     for name, coarse in _LEFT_OUT.items():
         if cell >= coarse:
             kept &= vertices[faces[:, 0], 9] != MATERIALS.index(name)
-    return merged, back[faces[kept]].astype(np.int32), int(kept[:split].sum())
+    used, rows = np.unique(back[faces[kept]], return_inverse=True)
+    return merged[used], rows.reshape(-1, 3).astype(np.int32), int(kept[:split].sum())
 
 
 def prop_levels(kind: str, variant: int) -> list[Level]:
