@@ -54,6 +54,7 @@ def crops(
     large: Annotated[
         bool, typer.Option(help="Twice the width and height, for networks of 256 x 192.")
     ] = False,
+    device: Annotated[str, typer.Option(help="What draws: auto, cpu or cuda (a graphics card).")] = "auto",
 ) -> None:
     """Draw training crops of the virtual drive. Existing crops are not drawn again.
 
@@ -65,12 +66,14 @@ def crops(
     """
     with mistakes(), _extra():
         from groundpose.lab.drive import SPLITS
+        from groundpose.lab.drive.render.device import choose
         from groundpose.lab.training.crops import STORED, write_crops
         from groundpose.lab.training.rendered import rendered_samples
         from groundpose.lab.training.toy import toy_samples
 
         if split not in SPLITS:
             raise TypeError(f"--split: expected one of {', '.join(SPLITS)}, got {split!r}")
+        choose(device)
         codec = (
             dataclasses.replace(STORED, width=2 * STORED.width, height=2 * STORED.height) if large else STORED
         )

@@ -1,6 +1,6 @@
 """Arrays kept on disk between runs, in a folder of the user that may be deleted at any time.
 
-One uncompressed `.npz` per entry, renamed into place when it is complete, so that several processes share the
+One `.npz` per entry, renamed into place when it is complete, so that several processes share the
 folder. A file that cannot be read is made anew; a folder that cannot be written is not used.
 """
 
@@ -13,7 +13,7 @@ import sys
 import zipfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,8 @@ def folder() -> Path:
     if chosen:
         return Path(chosen).expanduser()
     if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "groundpose" / "Cache"
+        local = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
+        return Path(local) / "groundpose" / "Cache"
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches" / "groundpose"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "groundpose"
@@ -51,8 +52,9 @@ def fingerprint(sources: Iterable[Path]) -> str:
 def arrays(name: str, keys: frozenset[str], make: Callable[[], Arrays]) -> Arrays:
     """The arrays `keys` of the entry `name` (a relative path without suffix), made if they are missing."""
     path = folder() / f"{name}.npz"
-    with contextlib.suppress(*_UNREADABLE), path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-        if keys == set(kept.files):
+    with contextlib.suppress(*_UNREADABLE), path.open("rb") as file:
+        kept = np.load(file, allow_pickle=False)
+        if isinstance(kept, np.lib.npyio.NpzFile) and keys == set(kept.files):
             return {key: kept[key] for key in kept.files}
     made = make()
     with contextlib.suppress(OSError):
@@ -65,7 +67,15 @@ def _write(path: Path, made: Arrays) -> None:
     temporary = path.with_suffix(f".tmp{os.getpid()}")
     try:
         with temporary.open("wb") as file:
-            np.savez(file, **made)  # type: ignore[arg-type]
+            _write_npz(file, made)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _write_npz(file: IO[bytes], made: Arrays) -> None:
+    """`numpy.savez_compressed` at the fastest level, because writing should cost little."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for key, array in made.items():
+            with archive.open(f"{key}.npy", "w") as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)

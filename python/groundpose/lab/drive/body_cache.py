@@ -1,4 +1,4 @@
-"""What drives need of bodies, from the cache on disk: making a mesh takes longer than drawing several crops."""
+"""What drives need of bodies, from the cache on disk: making a mesh takes longer than drawing it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from groundpose.lab.bodies import Body
 from groundpose.lab.bodies.catalogue import outline
 from groundpose.vehicles import keypoints
 
+_HERE = Path(__file__).parent
 # A change of these files or folders makes all entries anew.
 _SOURCES = (
     Path(bodies.__file__).parent,
     Path(keypoints.__file__),
-    *(Path(__file__).parent / name for name in ("body_cache.py", "solids.py", "silhouette.py", "render/meshes.py")),
+    *(_HERE / name for name in ("body_cache.py", "solids.py", "silhouette.py", "render/meshes.py")),
 )
 
 
@@ -77,8 +78,7 @@ def measures(class_name: str, seed: int) -> Measures:
 @lru_cache(maxsize=8192)
 def length_and_width(class_name: str, seed: int) -> tuple[float, float]:
     """Length and width of `body(class_name, seed)`, metres, computed without its mesh."""
-    kept = of_body(
-        "outline", class_name, seed, frozenset(("bbox_3d",)), lambda: {"bbox_3d": outline(class_name, seed)[1]}
-    )
+    keys = frozenset(("bbox_3d",))
+    kept = of_body("outline", class_name, seed, keys, lambda: {"bbox_3d": outline(class_name, seed)[1]})
     width, _, length = (kept["bbox_3d"][1] - kept["bbox_3d"][0]).tolist()
     return length, width

@@ -38,9 +38,10 @@ class Light:
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A vehicle and its pose, `X_world = R_world @ X_object + t_world`; its body is `groundpose.lab.bodies.body(class_name, seed)`.
+    """A vehicle and its pose, `X_world = R_world @ X_object + t_world`.
 
-    `look_seed` decides paint, dirt, plate and driver; `state` is "moving", "parked", "turning" or "crossing".
+    Its body is `groundpose.lab.bodies.body(class_name, seed)`. `look_seed` decides paint, dirt, plate and
+    driver; `state` is "moving", "parked", "turning" or "crossing".
     """
 
     class_name: str

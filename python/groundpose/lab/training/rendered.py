@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from functools import cache
 from typing import TYPE_CHECKING
@@ -19,7 +20,7 @@ SMALLEST = 18.0
 """Least height of a box, pixels; evaluations start at 25."""
 MOST_HIDDEN, MOST_CUT = 0.8, 0.6
 """Largest fractions of a vehicle hidden by others and outside the image."""
-FRAME_STEP = 4
+FRAME_STEP = 2
 """One frame in this many is drawn, because successive frames are similar."""
 
 
@@ -30,7 +31,7 @@ def rendered_samples(seed: int, split: str, first: int, count: int, codec: Codec
         assert frame.camera.image_size is not None
         for label in filter(_useful, labels(frame)):
             window = codec.windows(label.bbox[None])[0]
-            image = _renderer().crop(frame, label.index, window, (codec.width, codec.height))
+            image = renderer().crop(frame, label.index, window, (codec.width, codec.height))
             yield Sample(
                 image,
                 record(
@@ -55,8 +56,9 @@ def _useful(label: Label) -> bool:
 
 
 @cache
-def _renderer() -> Renderer:
-    """The renderer of this process."""
+def renderer() -> Renderer:
+    """The renderer of this process; crops are drawn by several processes, so each uses one thread."""
+    os.environ.setdefault("LP_NUM_THREADS", "1")
     from groundpose.lab.drive.render import Renderer
 
     return Renderer()

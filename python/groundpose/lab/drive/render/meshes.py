@@ -117,29 +117,35 @@ class GpuMesh:
 
 
 class BodyMesh:
-    """The levels of detail of a body. The coarse ones come from the cache on disk; the finest one takes more
-    memory than all others together and is made when a vehicle fills the picture."""
+    """The levels of detail of a body, from the cache on disk. The finest takes as much memory as all others
+    together and is uploaded when a vehicle fills the picture."""
 
     def __init__(self, programs: dict[str, Any], class_name: str, seed: int) -> None:
         """Upload the coarse levels."""
-        kept = of_body("levels", class_name, seed, _LEVEL_KEYS, lambda: _coarse(body(class_name, seed)))
+        self._programs, self._of = programs, (class_name, seed)
+        kept = of_body("levels", *self._of, _keys(_COARSE) | {"box"}, lambda: _coarse(body(*self._of)))
         self.box = kept["box"]
-        self._coarse = GpuMesh(programs, VEHICLE, _unpacked(kept))
-        self._make_fine = lambda: GpuMesh(programs, VEHICLE, [_finest(body(class_name, seed))])
-        self._fine: GpuMesh | None = None
+        self._meshes = {"coarse": GpuMesh(programs, VEHICLE, _unpacked(kept, _COARSE))}
 
     def draw(self, name: str, rows: Floats, level: int, second: bool = False) -> None:
         """Draw instances (N, INSTANCE_FLOATS) of the first or the second part of a level."""
-        if level == 0 and self._fine is None:
-            self._fine = self._make_fine()
-        mesh, place = (self._coarse, level - 1) if level or self._fine is None else (self._fine, 0)
-        mesh.draw(name, rows, place, second)
+        if level > 0:
+            self._meshes["coarse"].draw(name, rows, level - 1, second)
+            return
+        if "finest" not in self._meshes:
+            self._meshes["finest"] = self._upload_finest()
+        self._meshes["finest"].draw(name, rows, 0, second)
+
+    def _upload_finest(self) -> GpuMesh:
+        kept = of_body(
+            "finest", *self._of, _keys(_FINEST), lambda: _packed([_finest(body(*self._of))], _FINEST)
+        )
+        return GpuMesh(self._programs, VEHICLE, _unpacked(kept, _FINEST))
 
     def release(self) -> None:
         """Release the memory."""
-        self._coarse.release()
-        if self._fine is not None:
-            self._fine.release()
+        for mesh in self._meshes.values():
+            mesh.release()
 
 
 def _used(program: Any, buffer: Any, layout: str, names: tuple[str, ...]) -> tuple[Any, ...]:
@@ -186,23 +192,34 @@ def vehicle_levels(body: Body) -> list[Level]:
     return [fine if cell == 0.0 else _clustered(*fine, cell) for _, cell in BODY_LEVELS]
 
 
-_LEVEL_KEYS = frozenset(("box", *(f"{what}{i}" for what in ("v", "f", "n") for i in range(1, len(BODY_LEVELS)))))
+_COARSE = range(1, len(BODY_LEVELS))
+_FINEST = range(1)
+
+
+def _keys(levels: range) -> frozenset[str]:
+    return frozenset(f"{what}{i}" for what in ("vertices", "faces", "split") for i in levels)
+
+
+def _packed(levels: Sequence[Level], numbers: range) -> Arrays:
+    out: Arrays = {}
+    for i, (vertices, faces, split) in zip(numbers, levels, strict=True):
+        small = faces.astype(np.min_scalar_type(len(vertices)))
+        out |= {f"vertices{i}": vertices, f"faces{i}": small, f"split{i}": np.array(split)}
+    return out
+
+
+def _unpacked(kept: Arrays, numbers: range) -> list[Level]:
+    return [
+        (kept[f"vertices{i}"], kept[f"faces{i}"].astype(np.int32), int(kept[f"split{i}"])) for i in numbers
+    ]
 
 
 def _coarse(body: Body) -> Arrays:
     """All levels but the finest, to be kept, and the box (2, 3) of the finest."""
-    (fine, *_), *coarse = vehicle_levels(body)
-    out: Arrays = {"box": np.stack([fine[:, :3].min(axis=0), fine[:, :3].max(axis=0)]).astype(float)}
-    for i, (vertices, faces, split) in enumerate(coarse, 1):
-        small = faces.astype(np.min_scalar_type(len(vertices)))
-        out |= {f"v{i}": vertices, f"f{i}": small, f"n{i}": np.array(split)}
-    return out
-
-
-def _unpacked(kept: Arrays) -> list[Level]:
-    return [
-        (kept[f"v{i}"], kept[f"f{i}"].astype(np.int32), int(kept[f"n{i}"])) for i in range(1, len(BODY_LEVELS))
-    ]
+    fine, *coarse = vehicle_levels(body)
+    points = fine[0][:, :3]
+    box = np.stack([points.min(axis=0), points.max(axis=0)]).astype(float)
+    return {"box": box, **_packed(coarse, _COARSE)}
 
 
 def _finest(body: Body) -> Level:
