@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from groundpose.lab import cache
-from groundpose.lab.drive import body_cache, solids
+from groundpose.lab.drive import body_cache, cache, solids
 from groundpose.lab.drive.render import device, meshes
 
 KEYS = frozenset(("a",))

@@ -11,9 +11,9 @@ import numpy as np
 
 from groundpose._checks import FloatArray
 from groundpose.lab import bodies
-from groundpose.lab import cache as disk
 from groundpose.lab.bodies import Body
 from groundpose.lab.bodies.catalogue import outline
+from groundpose.lab.drive import cache as disk
 from groundpose.vehicles import keypoints
 
 _HERE = Path(__file__).parent

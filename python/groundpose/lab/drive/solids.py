@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray
 from groundpose.lab.bodies import MATERIALS, Body
 from groundpose.lab.bodies.geometry.mesh import cross
-from groundpose.lab.cache import Arrays
 from groundpose.lab.drive import props
 from groundpose.lab.drive.body_cache import Measures, body, measures, of_body
+from groundpose.lab.drive.cache import Arrays
 from groundpose.lab.drive.scene import Prop
 from groundpose.lab.drive.silhouette import slabs
 from groundpose.shape import extent

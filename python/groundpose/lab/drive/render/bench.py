@@ -19,7 +19,7 @@ from unittest import mock
 import numpy as np
 
 from groundpose.keypoints.codec import Codec
-from groundpose.lab import cache
+from groundpose.lab.drive import cache
 from groundpose.lab.drive.body_cache import body, length_and_width, measures
 from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.render import Renderer, camera

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from groundpose._checks import input_error
-from groundpose.lab import cache
+from groundpose.lab.drive import cache
 
 DEVICES = ("auto", "cpu", "cuda")
 VARIABLE = "GROUNDPOSE_RENDERER"

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose.lab.bodies.body import MATERIALS, Body
-from groundpose.lab.cache import Arrays
 from groundpose.lab.drive import props
 from groundpose.lab.drive.body_cache import body, of_body
+from groundpose.lab.drive.cache import Arrays
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.textures import layer
 
