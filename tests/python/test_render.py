@@ -6,6 +6,7 @@ import groundpose as gp
 import numpy as np
 import pytest
 from groundpose.lab.drive import props
+from groundpose.lab.drive.body_cache import body
 from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.labels import labels
 from groundpose.lab.drive.render import Renderer, camera
@@ -13,7 +14,7 @@ from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.staged import _indicating
 from groundpose.lab.drive.render.view import Window
 from groundpose.lab.drive.scene import Light, Prop, Scene
-from groundpose.lab.drive.splits import body, scene_seed
+from groundpose.lab.drive.splits import scene_seed
 from groundpose.lab.drive.surroundings import light
 from PIL import Image
 

@@ -1,4 +1,4 @@
-"""Cameras of the virtual drive: ranges of rigs, masts that stand still, labels from above, the command line."""
+"""Cameras of the drive: ranges of rigs, masts that stand still, labels from above, the command line."""
 
 import hashlib
 import json

@@ -7,12 +7,12 @@ import groundpose as gp
 import numpy as np
 import pytest
 from groundpose.lab.drive import HIDDEN, OUTSIDE, VISIBLE, labels, props, scene, scene_seed
+from groundpose.lab.drive.body_cache import body
 from groundpose.lab.drive.labels import own_body_hides
 from groundpose.lab.drive.road import STEP
 from groundpose.lab.drive.scene import Prop
 from groundpose.lab.drive.silhouette import NEAR, Region, outline
 from groundpose.lab.drive.solids import solid
-from groundpose.lab.drive.splits import body
 from groundpose.lab.drive.visibility import look
 from groundpose.vehicles import CLASSES
 from PIL import Image, ImageDraw

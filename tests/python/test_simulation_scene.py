@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from groundpose.lab.drive import SPLITS, scene, scene_seed, split_of
 from groundpose.lab.drive import ego as car
+from groundpose.lab.drive.body_cache import body
 from groundpose.lab.drive.ego import FRAMES_PER_DRIVE, drive_along
 from groundpose.lab.drive.footprints import Footprints, overlapping
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
 from groundpose.lab.drive.road_mesh import road_mesh
-from groundpose.lab.drive.splits import body, random_body
+from groundpose.lab.drive.splits import random_body
 from groundpose.lab.drive.steering import LIMIT, steering
 from groundpose.lab.drive.traffic import Actor
 from groundpose.vehicles import CLASSES

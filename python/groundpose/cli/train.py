@@ -74,6 +74,7 @@ def crops(
     images: Annotated[
         Path | None, typer.Option(help="Folder of the pictures; none: images/ beside the file, or beside it.")
     ] = None,
+    device: Annotated[str, typer.Option(help="What draws: auto, cpu or cuda (a graphics card).")] = "auto",
 ) -> None:
     """Draw training crops of the virtual drive. Existing crops are not drawn again.
 
@@ -87,12 +88,14 @@ def crops(
     """
     with mistakes(), _extra():
         from groundpose.lab.drive import SPLITS
+        from groundpose.lab.drive.render.device import choose
         from groundpose.lab.training.crops import STORED, write_crops
         from groundpose.lab.training.mixed import drive_samples
         from groundpose.lab.training.toy import toy_samples
 
         if split not in (None, *SPLITS):
             raise TypeError(f"--split: expected one of {', '.join(SPLITS)}, got {split!r}")
+        choose(device)
         codec = (
             dataclasses.replace(STORED, width=2 * STORED.width, height=2 * STORED.height) if large else STORED
         )

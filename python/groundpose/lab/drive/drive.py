@@ -12,13 +12,14 @@ import numpy as np
 from groundpose._checks import FloatArray, count
 from groundpose.lab.drive import ego as car
 from groundpose.lab.drive import mast, surroundings
+from groundpose.lab.drive.body_cache import measures
 from groundpose.lab.drive.ego import FRAMES_PER_DRIVE, Ego
 from groundpose.lab.drive.footprints import Footprints, overlapping
 from groundpose.lab.drive.rigs import DEFAULT_RIG, RIGS, Mount, Rigs, draw_mount
 from groundpose.lab.drive.road import Road
 from groundpose.lab.drive.road_kinds import MAST_FRACTIONS, ROAD_KINDS, make_road
 from groundpose.lab.drive.scene import Light, Prop, Scene, Vehicle
-from groundpose.lab.drive.splits import body, split_of
+from groundpose.lab.drive.splits import split_of
 from groundpose.lab.drive.steering import steering
 from groundpose.lab.drive.traffic import DEFAULT_SHARES, Actor, reach, traffic
 from groundpose.types import View
@@ -138,7 +139,7 @@ def _vehicles(drive: Drive, frame: int, R_road: FloatArray, at: FloatArray) -> t
     s, d, angle = np.array([(a.s[frame], a.d[frame], a.angle[frame]) for a in near]).T
     headings = drive.road.heading_at(s) + angle
     centres = drive.road.world(s, d)
-    boxes = [body(a.class_name, a.seed).bbox_3d[:, [0, 2]] for a in near]
+    boxes = [measures(a.class_name, a.seed).bbox_3d[:, [0, 2]] for a in near]
     footprints = Footprints.of(centres[:, [0, 2]], headings, np.array(boxes), _MARGIN)
     own = _own_footprint(drive, R_road, at)
     blocked = np.zeros(len(near), bool) if own is None else overlapping(footprints, own)[:, 0]
@@ -171,7 +172,7 @@ def _standing(
 ) -> tuple[Vehicle, ...]:
     if not actors:
         return ()
-    wheels = [body(a.class_name, a.seed).wheels[:, [0, 2]] for a in actors]
+    wheels = [measures(a.class_name, a.seed).wheels[:, [0, 2]] for a in actors]
     cos, sin = np.cos(headings), np.sin(headings)
     spots = [
         centre[[0, 2]] + np.stack([w[:, 0] * c + w[:, 1] * n, w[:, 1] * c - w[:, 0] * n], axis=1)
@@ -233,7 +234,7 @@ def _props(
     cars = Footprints.of(
         np.array([v.t_world[[0, 2]] for v in vehicles]),
         np.array([math.atan2(v.R_world[0, 2], v.R_world[2, 2]) for v in vehicles]),
-        np.array([body(v.class_name, v.seed).bbox_3d[:, [0, 2]] for v in vehicles]),
+        np.array([measures(v.class_name, v.seed).bbox_3d[:, [0, 2]] for v in vehicles]),
     )
     free = np.flatnonzero(~overlapping(things, cars).any(axis=1))
     return tuple(chosen[i] for i in free)

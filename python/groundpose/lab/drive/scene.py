@@ -39,10 +39,11 @@ class Light:
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A vehicle and its pose, `X_world = R_world @ X_object + t_world`; its body is `body(class_name, seed)`.
+    """A vehicle and its pose, `X_world = R_world @ X_object + t_world`.
 
-    `look_seed` decides paint, dirt and plate; `state` is "moving", "parked", "turning" or "crossing";
-    `steering` is the angle of the front wheels, radians, positive to the right.
+    Its body is `groundpose.lab.bodies.body(class_name, seed)`. `look_seed` decides paint, dirt and plate;
+    `state` is "moving", "parked", "turning" or "crossing"; `steering` is the angle of the front wheels,
+    radians, positive to the right.
     """
 
     class_name: str

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
 from groundpose.lab.bodies import MATERIALS, Body
+from groundpose.lab.bodies.geometry.mesh import cross
 from groundpose.lab.drive import props
+from groundpose.lab.drive.body_cache import Measures, body, measures, of_body
+from groundpose.lab.drive.cache import Arrays
 from groundpose.lab.drive.scene import Prop
 from groundpose.lab.drive.silhouette import slabs
-from groundpose.lab.drive.splits import body
 from groundpose.shape import extent
 
 _BODY_SLABS = 16
@@ -33,7 +35,7 @@ class Solid:
     """A body with the values that labels use repeatedly.
 
     Args:
-        body: the body.
+        body: the measures of the body.
         slabs: (K, M, 3) for `silhouette.outline`.
         corners: (8, 3) of the box around the mesh, mirrors included.
         vertices: (V, 3), those of the body without duplicates.
@@ -41,7 +43,7 @@ class Solid:
         normals: (F, 3) outward, of any length; offsets: (F,) `normal . x` on the face.
     """
 
-    body: Body
+    body: Measures
     slabs: FloatArray
     corners: FloatArray
     vertices: FloatArray
@@ -54,26 +56,34 @@ class Solid:
         return self.faces[self.normals @ eye > self.offsets]
 
 
-@lru_cache(maxsize=2048)
+@lru_cache(maxsize=300)
 def solid(class_name: str, seed: int) -> Solid:
-    """The body `body(class_name, seed)`, prepared."""
-    made = body(class_name, seed)
-    positions = np.ascontiguousarray(made.vertices).view([("", made.vertices.dtype)] * 3).ravel()
-    _, first, row = np.unique(positions, return_index=True, return_inverse=True)
-    vertices = made.vertices[first]
-    inner = [MATERIALS.index(name) for name in _BEHIND_GLASS]
-    faces = row[made.faces[~np.isin(made.materials, inner)]]
+    """The body `body(class_name, seed)`, prepared; 0.9 MB each."""
+    keys = frozenset(("vertices", "faces", "slabs"))
+    kept = of_body("solid", class_name, seed, keys, lambda: _parts_of(body(class_name, seed)))
+    vertices, faces = kept["vertices"], kept["faces"].astype(np.intp)
     a, b, c = (vertices[faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = cross(b - a, c - a)
     return Solid(
-        body=made,
-        slabs=slabs(made.vertices, _large(made), 2, _BODY_SLABS),
+        body=measures(class_name, seed),
+        slabs=kept["slabs"],
         corners=np.array(list(itertools.product(*extent(vertices).T))),
         vertices=vertices,
         faces=faces,
         normals=normals,
         offsets=np.sum(normals * a, axis=1),
     )
+
+
+def _parts_of(made: Body) -> Arrays:
+    """Vertices without duplicates, the faces that are not behind glass, and the slabs."""
+    positions = np.ascontiguousarray(made.vertices).view([("", made.vertices.dtype)] * 3).ravel()
+    _, first, row = np.unique(positions, return_index=True, return_inverse=True)
+    vertices = made.vertices[first]
+    inner = [MATERIALS.index(name) for name in _BEHIND_GLASS]
+    faces = row[made.faces[~np.isin(made.materials, inner)]]
+    cut = slabs(made.vertices, _large(made), 2, _BODY_SLABS)
+    return {"vertices": vertices, "faces": faces.astype(np.min_scalar_type(len(vertices))), "slabs": cut}
 
 
 def _large(made: Body) -> NDArray[np.int32]:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from groundpose._checks import count, input_error
-from groundpose.lab.bodies import Body, real
-from groundpose.lab.bodies import body as make_body
-from groundpose.lab.bodies.catalogue import outline
+from groundpose.lab.bodies import real
 from groundpose.vehicles import CLASSES
 
 SPLITS = ("train", "validation", "test")
@@ -55,17 +51,3 @@ def random_body(rng: np.random.Generator, class_name: str, split: str) -> int:
 def bodies_of(split: str, class_name: str) -> int:
     """How many bodies of class `class_name` a split has."""
     return _BODIES[split][class_name != CLASSES[0]]
-
-
-@lru_cache(maxsize=2048)
-def body(class_name: str, seed: int) -> Body:
-    """`groundpose.lab.bodies.body` with a cache."""
-    return make_body(class_name, seed)
-
-
-@lru_cache(maxsize=4096)
-def length_and_width(class_name: str, seed: int) -> tuple[float, float]:
-    """Length, height, width of `body(class_name, seed)`, metres, computed without its mesh."""
-    _, box = outline(class_name, seed)
-    width, _, length = (box[1] - box[0]).tolist()
-    return length, width

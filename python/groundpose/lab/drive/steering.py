@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from groundpose.lab.drive.body_cache import measures
 from groundpose.lab.drive.road import Road
-from groundpose.lab.drive.splits import body
 from groundpose.lab.drive.traffic import Actor
 
 LIMIT = math.radians(32.0)
@@ -37,5 +37,5 @@ def steering(actor: Actor, frame: int, road: Road) -> float:
     if way < _LEAST_WAY:
         return 0.0
     turned = math.remainder(float(heading[1] - heading[0]), 2.0 * math.pi)
-    axles = body(actor.class_name, actor.seed).wheels[:, 2]
+    axles = measures(actor.class_name, actor.seed).wheels[:, 2]
     return min(max(math.atan(float(np.ptp(axles)) * turned / way), -LIMIT), LIMIT)

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error, number
 from groundpose.lab.drive import mast
+from groundpose.lab.drive.body_cache import length_and_width
 from groundpose.lab.drive.ego import CAMERA_TO_FRONT, FRAME_INTERVAL, Ego
 from groundpose.lab.drive.road import Junction, Lane, Lot, Parking, Road
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, wave
-from groundpose.lab.drive.splits import length_and_width, random_body
+from groundpose.lab.drive.splits import random_body
 from groundpose.vehicles import CLASSES
 
 AHEAD, BEHIND = 150.0, 14.0

@@ -88,7 +88,7 @@ def record(
 
 
 def record_of(**values: ArrayLike) -> Records:
-    """A record of `LABEL` with these values. What is not given is unknown; without `kind` nothing is there."""
+    """A record of `LABEL` with these values; others are unknown, and without `kind` nothing is there."""
     made = np.zeros((), dtype=LABEL)
     for name in ("keypoints", "alpha", "size", "camera"):
         made[name] = np.nan

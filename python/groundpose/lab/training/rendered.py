@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from functools import cache
 from typing import TYPE_CHECKING
@@ -74,7 +75,8 @@ def _useful(label: Label) -> bool:
 
 @cache
 def renderer() -> Renderer:
-    """The renderer of this process."""
+    """The renderer of this process; crops are drawn by several processes, so each uses one thread."""
+    os.environ.setdefault("LP_NUM_THREADS", "1")
     from groundpose.lab.drive.render import Renderer
 
     return Renderer()

@@ -10,7 +10,8 @@ import json
 import sys
 from pathlib import Path
 
-from groundpose.lab.drive.render.bench import CODEC, FRAMES, measure
+from groundpose.lab.drive.render.bench import CODEC, FRAMES, forget_bodies, measure
+from groundpose.lab.training import rendered
 from groundpose.lab.training.rendered import rendered_samples
 
 _COMMAND = "LP_NUM_THREADS=1 taskset -c 1 python -m groundpose.lab.training.renderer_bench"
@@ -21,8 +22,15 @@ def main(path: str) -> None:
     file = Path(path)
     old = json.loads(file.read_text("utf-8")) if file.exists() else {}
     kept = {"alternatives": old["alternatives"]} if "alternatives" in old else {}
-    figures = measure(lambda: rendered_samples(0, "train", 0, FRAMES, CODEC))
+    figures = measure(lambda: rendered_samples(0, "train", 0, FRAMES, CODEC), _forget)
     file.write_text(json.dumps({"command": _COMMAND, **figures, **kept}, indent=1) + "\n", "utf-8")
+
+
+def _forget() -> None:
+    """Make the renderer anew, so that only drawing is timed, and forget the bodies."""
+    rendered.renderer.cache_clear()
+    rendered.renderer()
+    forget_bodies()
 
 
 if __name__ == "__main__":

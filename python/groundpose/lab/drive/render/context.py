@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from groundpose.lab.drive.render import device
+
 HELP = (
     "the renderer needs OpenGL without a display (EGL): on Debian and Ubuntu "
     "`apt-get install libegl1 libgl1-mesa-dri`, and `pip install groundpose[simulate]`"
@@ -19,11 +21,12 @@ _NEEDED = 330
 
 @cache
 def context() -> Any:
-    """The one context of the process (moderngl.Context).
+    """The one context of the process (moderngl.Context), on the device of `device.choose`.
 
     Raises:
-        RuntimeError: moderngl or EGL is missing; the text names the packages to install.
+        RuntimeError: moderngl, EGL or the device is missing; the text names the packages to install.
     """
+    device.prepare()
     # torch loads triton late; its LLVM crashes when it is loaded after the renderer's
     with contextlib.suppress(ImportError):
         import_module("triton")
@@ -35,6 +38,7 @@ def context() -> Any:
         made = moderngl.create_context(standalone=True, backend="egl", require=_NEEDED)  # type: ignore[arg-type]
     except Exception as error:  # moderngl raises Exception itself for a missing library or device
         raise RuntimeError(f"{HELP} ({error})") from None
+    device.check(made.info["GL_RENDERER"])
     return made
 
 

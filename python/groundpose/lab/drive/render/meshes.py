@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray
 from groundpose.lab.bodies.body import MATERIALS, Body
 from groundpose.lab.drive import props
+from groundpose.lab.drive.body_cache import body, of_body
+from groundpose.lab.drive.cache import Arrays
 from groundpose.lab.drive.render.context import context
 from groundpose.lab.drive.render.textures import layer
 from groundpose.vehicles.keypoints import keypoint_names
@@ -103,23 +105,53 @@ class GpuMesh:
             for name, program in programs.items()
         }
 
-    def fill(self, table: Floats) -> None:
-        """Put instances (N, INSTANCE_FLOATS) in place."""
-        if table.nbytes > self._instances.size:
-            self._instances.orphan(2 * table.nbytes)
-        self._instances.write(np.ascontiguousarray(table))
-
-    def draw(self, name: str, instances: int, level: int = 0, second: bool = False) -> None:
-        """Draw the first or the second part of a level."""
+    def draw(self, name: str, rows: Floats, level: int, second: bool = False) -> None:
+        """Draw instances (N, INSTANCE_FLOATS) of the first or the second part of a level."""
         part = 2 * level + second
         first, last = self._parts[part], self._parts[part + 1]
-        if last > first:
-            self._arrays[name].render(vertices=last - first, first=first, instances=instances)
+        if last == first:
+            return
+        if rows.nbytes > self._instances.size:
+            self._instances.orphan(2 * rows.nbytes)
+        self._instances.write(np.ascontiguousarray(rows))
+        self._arrays[name].render(vertices=last - first, first=first, instances=len(rows))
 
     def release(self) -> None:
         """Release the memory."""
         for item in (*self._arrays.values(), *self._buffers):
             item.release()
+
+
+class BodyMesh:
+    """The levels of detail of a body, from the cache on disk. The finest takes as much memory as all others
+    together and is uploaded when a vehicle fills the picture."""
+
+    def __init__(self, programs: dict[str, Any], class_name: str, seed: int) -> None:
+        """Upload the coarse levels."""
+        self._programs, self._of = programs, (class_name, seed)
+        kept = of_body("levels", *self._of, _keys(_COARSE) | {"box"}, lambda: _coarse(body(*self._of)))
+        self.box = kept["box"]
+        self._meshes = {"coarse": GpuMesh(programs, VEHICLE, _unpacked(kept, _COARSE))}
+
+    def draw(self, name: str, rows: Floats, level: int, second: bool = False) -> None:
+        """Draw instances (N, INSTANCE_FLOATS) of the first or the second part of a level."""
+        if level > 0:
+            self._meshes["coarse"].draw(name, rows, level - 1, second)
+            return
+        if "finest" not in self._meshes:
+            self._meshes["finest"] = self._upload_finest()
+        self._meshes["finest"].draw(name, rows, 0, second)
+
+    def _upload_finest(self) -> GpuMesh:
+        kept = of_body(
+            "finest", *self._of, _keys(_FINEST), lambda: _packed([_finest(body(*self._of))], _FINEST)
+        )
+        return GpuMesh(self._programs, VEHICLE, _unpacked(kept, _FINEST))
+
+    def release(self) -> None:
+        """Release the memory."""
+        for mesh in self._meshes.values():
+            mesh.release()
 
 
 def _used(program: Any, buffer: Any, layout: str, names: tuple[str, ...]) -> tuple[Any, ...]:
@@ -130,15 +162,18 @@ def _used(program: Any, buffer: Any, layout: str, names: tuple[str, ...]) -> tup
     return (buffer, " ".join(kept) + suffix, *[n for n in names if n in program])
 
 
-class Pool:
+Drawable = TypeVar("Drawable", GpuMesh, BodyMesh)
+
+
+class Pool(Generic[Drawable]):
     """The most recently used meshes; the others are released."""
 
     def __init__(self, size: int) -> None:
         """Keep at most `size` meshes."""
         self._size = size
-        self._meshes: OrderedDict[Hashable, GpuMesh] = OrderedDict()
+        self._meshes: OrderedDict[Hashable, Drawable] = OrderedDict()
 
-    def get(self, key: Hashable, make: Callable[[], GpuMesh]) -> GpuMesh:
+    def get(self, key: Hashable, make: Callable[[], Drawable]) -> Drawable:
         """The mesh of `key`, made if it is missing."""
         found = self._meshes.get(key)
         if found is None:
@@ -158,7 +193,43 @@ def level_of(levels: Sequence[tuple[float, float]], pixels_per_metre: float) -> 
 
 
 def vehicle_levels(body: Body) -> list[Level]:
-    """Vertices (V, 12): position, normal, place within part, material, pivot; faces, panes last."""
+    """The levels of BODY_LEVELS."""
+    fine = _finest(body)
+    return [fine if cell == 0.0 else _clustered(*fine, cell) for _, cell in BODY_LEVELS]
+
+
+_COARSE = range(1, len(BODY_LEVELS))
+_FINEST = range(1)
+
+
+def _keys(levels: range) -> frozenset[str]:
+    return frozenset(f"{what}{i}" for what in ("vertices", "faces", "split") for i in levels)
+
+
+def _packed(levels: Sequence[Level], numbers: range) -> Arrays:
+    out: Arrays = {}
+    for i, (vertices, faces, split) in zip(numbers, levels, strict=True):
+        small = faces.astype(np.min_scalar_type(len(vertices)))
+        out |= {f"vertices{i}": vertices, f"faces{i}": small, f"split{i}": np.array(split)}
+    return out
+
+
+def _unpacked(kept: Arrays, numbers: range) -> list[Level]:
+    return [
+        (kept[f"vertices{i}"], kept[f"faces{i}"].astype(np.int32), int(kept[f"split{i}"])) for i in numbers
+    ]
+
+
+def _coarse(body: Body) -> Arrays:
+    """All levels but the finest, to be kept, and the box (2, 3) of the finest."""
+    fine, *coarse = vehicle_levels(body)
+    points = fine[0][:, :3]
+    box = np.stack([points.min(axis=0), points.max(axis=0)]).astype(float)
+    return {"box": box, **_packed(coarse, _COARSE)}
+
+
+def _finest(body: Body) -> Level:
+    """Vertices (V, 12): position, normal, place within part, material, pivot; faces with the panes last."""
     parts, materials = body.parts.astype(np.int64), body.materials.astype(np.int64)
     corner = (body.faces.astype(np.int64) * 65536 + parts[:, None]) * 64 + materials[:, None]
     keys, back = np.unique(corner, return_inverse=True)
@@ -174,8 +245,7 @@ def vehicle_levels(body: Body) -> list[Level]:
     vertices, faces = _cut(data.astype(np.float32), back.reshape(-1, 3).astype(np.int32))
     panes = vertices[faces[:, 0], 9] == MATERIALS.index("glass")
     order = np.argsort(panes, kind="stable")
-    fine = vertices, faces[order], int((~panes).sum())
-    return [fine if cell == 0.0 else _clustered(*fine, cell) for _, cell in BODY_LEVELS]
+    return vertices, faces[order], int((~panes).sum())
 
 
 def _pivots(body: Body, low: FloatArray, high: FloatArray) -> FloatArray:
@@ -234,7 +304,8 @@ def _clustered(vertices: Floats, faces: Faces, split: int, cell: float) -> Level
     for name, coarse in _LEFT_OUT.items():
         if cell >= coarse:
             kept &= vertices[faces[:, 0], 9] != MATERIALS.index(name)
-    return merged, back[faces[kept]].astype(np.int32), int(kept[:split].sum())
+    used, rows = np.unique(back[faces[kept]], return_inverse=True)
+    return merged[used], rows.reshape(-1, 3).astype(np.int32), int(kept[:split].sum())
 
 
 def prop_levels(kind: str, variant: int) -> list[Level]:

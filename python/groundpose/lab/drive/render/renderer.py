@@ -166,17 +166,15 @@ class Renderer:
     def _draw_vehicles(self, staged: Staged, vehicles: list[tuple[int, int, float]], second: bool) -> None:
         """Draw the bodies or (second) their panes."""
         for i, level, density in vehicles:
-            mesh = staged.vehicles.meshes[i]
-            mesh.fill(staged.vehicles.rows[i : i + 1])
-            mesh.draw(_BY_DENSITY[second][density < _CORNER_DENSITY], 1, level, second)
+            name = _BY_DENSITY[second][density < _CORNER_DENSITY]
+            staged.vehicles.meshes[i].draw(name, staged.vehicles.rows[i : i + 1], level, second)
 
     def _draw_props(
         self, staged: Staged, props: list[tuple[GpuMesh, int, NDArray[np.intp]]], second: bool
     ) -> None:
         """Draw walls and houses or (second) leaves and other small things."""
         for mesh, level, shown in props:
-            mesh.fill(staged.props.rows[shown])
-            mesh.draw("leaf" if second else "prop", len(shown), level, second)
+            mesh.draw("leaf" if second else "prop", staged.props.rows[shown], level, second)
 
     def _draw_contacts(self, staged: Staged, order: list[int]) -> None:
         """Darken the road under the vehicles."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,17 +21,16 @@ from groundpose.lab.drive.render.meshes import (
     INSTANCE_FLOATS,
     PROP,
     PROP_LEVELS,
-    VEHICLE,
+    BodyMesh,
+    Drawable,
     GpuMesh,
     Pool,
     level_of,
     prop_levels,
-    vehicle_levels,
 )
 from groundpose.lab.drive.render.view import box_corners, in_view, sun_frame
 from groundpose.lab.drive.road import Road
 from groundpose.lab.drive.scene import Prop, Scene, Vehicle
-from groundpose.lab.drive.splits import body
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -42,14 +41,14 @@ _NEAR_SHADOW, _FAR_SHADOW = (16.0, 24.0), (65.0, 85.0)
 _SHADOW_DEPTH = 150.0
 # Texels per metre from which gaps between leaves are drawn in a shadow.
 _HOLES_SEEN = 10.0
-_BODIES, _PROPS = 700, 64  # kept; 2 MB a body
+_BODIES, _PROPS = 300, 64  # kept; 1 MB a body, 2 MB with its finest level
 
 
 @dataclass(eq=False)
-class Things:
+class Things(Generic[Drawable]):
     """Placed meshes: rows of instances, the mesh of each, corners (N, 8, 3) of their boxes."""
 
-    meshes: list[GpuMesh]
+    meshes: list[Drawable]
     rows: Floats
     corners: Doubles
 
@@ -65,9 +64,9 @@ class Staged:
     scene: Scene
     ground: Ground
     panorama: Any
-    vehicles: Things
+    vehicles: Things[BodyMesh]
     contacts: Floats
-    props: Things
+    props: Things[GpuMesh]
     uniforms: dict[str, Any] = field(default_factory=dict)
 
     def seen_vehicles(self, clip: Doubles, scale: float) -> list[tuple[int, int, float]]:
@@ -86,7 +85,7 @@ class Staged:
             groups.setdefault(key, []).append(i)
         return [(self.props.meshes[v[0]], level, np.array(v)) for (_, level), v in groups.items()]
 
-    def _density(self, things: Things, scale: float) -> Doubles:
+    def _density(self, things: Things[Drawable], scale: float) -> Doubles:
         """Drawn pixels per metre at the middle of each thing."""
         away = np.linalg.norm(things.corners.mean(axis=1) - self.scene.camera_position, axis=1)
         return np.asarray(self.scene.camera.fx * scale / np.maximum(away, 0.5))
@@ -111,7 +110,8 @@ class Stage:
         self.shadow_map.compare_func = "<="
         self.shadow_map.repeat_x = self.shadow_map.repeat_y = False
         self._shadow_target = gl.framebuffer(depth_attachment=self.shadow_map)
-        self._bodies, self._props = Pool(_BODIES), Pool(_PROPS)
+        self._bodies: Pool[BodyMesh] = Pool(_BODIES)
+        self._props: Pool[GpuMesh] = Pool(_PROPS)
         self._panoramas: dict[int, Any] = {}
         self._road: tuple[Road, Ground] | None = None
         self._last: Staged | None = None
@@ -137,20 +137,16 @@ class Stage:
         self._last = staged
         return staged
 
-    def _place_vehicles(self, scene: Scene) -> Things:
+    def _place_vehicles(self, scene: Scene) -> Things[BodyMesh]:
         used = {n: self.programs[n] for n in ("vehicle", "pane", "far_vehicle", "far_pane", "vehicle_depth")}
-
-        def make(class_name: str, seed: int) -> GpuMesh:
-            return GpuMesh(used, VEHICLE, vehicle_levels(body(class_name, seed)))
-
         meshes = [
-            self._bodies.get((v.class_name, v.seed), lambda v=v: make(v.class_name, v.seed))  # type: ignore[misc]
+            self._bodies.get((v.class_name, v.seed), lambda v=v: BodyMesh(used, v.class_name, v.seed))  # type: ignore[misc]
             for v in scene.vehicles
         ]
         rows = np.array([_vehicle_row(v) for v in scene.vehicles], "f4").reshape(-1, INSTANCE_FLOATS)
         return Things(meshes, rows, _placed(meshes, rows))
 
-    def _place_props(self, scene: Scene) -> Things:
+    def _place_props(self, scene: Scene) -> Things[GpuMesh]:
         """Place the vehicles, near ones first: they hide the others, which then cost little."""
         used = {name: self.programs[name] for name in ("prop", "leaf", "prop_depth", "leaf_depth")}
         positions = np.array([p.position for p in scene.props], float).reshape(-1, 3)
@@ -210,21 +206,19 @@ class Stage:
             set_uniforms(self.programs[name], {"clip_from_world": np.ascontiguousarray(clip.T, dtype="f4")})
         level, prop_level = (level_of(table, texels_per_metre) for table in (BODY_LEVELS, PROP_LEVELS))
         for i in staged.vehicles.seen(clip).tolist():
-            mesh = staged.vehicles.meshes[i]
-            mesh.fill(staged.vehicles.rows[i : i + 1])
-            mesh.draw("vehicle_depth", 1, level)
+            staged.vehicles.meshes[i].draw("vehicle_depth", staged.vehicles.rows[i : i + 1], level)
         leaves = "leaf_depth" if texels_per_metre > _HOLES_SEEN else "prop_depth"
         groups: dict[int, list[int]] = {}
         for i in staged.props.seen(clip).tolist():
             groups.setdefault(id(staged.props.meshes[i]), []).append(i)
         for shown in groups.values():
             mesh = staged.props.meshes[shown[0]]
-            mesh.fill(staged.props.rows[shown])
-            mesh.draw("prop_depth", len(shown), prop_level)
-            mesh.draw(leaves, len(shown), prop_level, second=True)
+            rows = staged.props.rows[shown]
+            mesh.draw("prop_depth", rows, prop_level)
+            mesh.draw(leaves, rows, prop_level, second=True)
 
 
-def _placed(meshes: list[GpuMesh], rows: Floats, sizes: Floats | None = None) -> Doubles:
+def _placed(meshes: list[Drawable], rows: Floats, sizes: Floats | None = None) -> Doubles:
     """Corners (N, 8, 3) in the world of the boxes around meshes."""
     corners = box_corners(np.array([m.box for m in meshes]).reshape(-1, 2, 3))
     if sizes is not None:
@@ -250,7 +244,7 @@ def _indicating(vehicle: Vehicle) -> float:
     return math.copysign(1.0, vehicle.steering) if blinking and vehicle.steering else 0.0
 
 
-def _contact_rows(scene: Scene, vehicles: Things) -> Floats:
+def _contact_rows(scene: Scene, vehicles: Things[BodyMesh]) -> Floats:
     """Instances of contact.vert: pose; half width and length, reach, spare."""
     rows = [
         [*row[:12], 0.5 * width - 0.12, 0.5 * length - 0.1, 0.7, 0.0]

@@ -1,0 +1,81 @@
+"""Arrays kept on disk between runs, in a folder of the user that may be deleted at any time.
+
+One `.npz` per entry, renamed into place when it is complete, so that several processes share the
+folder. A file that cannot be read is made anew; a folder that cannot be written is not used.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import sys
+import zipfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Arrays = dict[str, NDArray[Any]]
+
+VARIABLE = "GROUNDPOSE_CACHE"
+"""Environment variable that names another folder."""
+_UNREADABLE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+
+
+def folder() -> Path:
+    """The cache of this user: `GROUNDPOSE_CACHE`, else where the platform keeps caches."""
+    chosen = os.environ.get(VARIABLE)
+    if chosen:
+        return Path(chosen).expanduser()
+    if sys.platform == "win32":
+        local = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
+        return Path(local) / "groundpose" / "Cache"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "groundpose"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "groundpose"
+
+
+def fingerprint(sources: Iterable[Path]) -> str:
+    """16 hex digits that change with the contents of these files and folders."""
+    digest = hashlib.sha256()
+    for source in sources:
+        files = sorted(f for f in source.rglob("*") if f.is_file()) if source.is_dir() else [source]
+        for file in files:
+            if file.suffix != ".pyc":
+                digest.update(file.relative_to(source.parent).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def arrays(name: str, keys: frozenset[str], make: Callable[[], Arrays]) -> Arrays:
+    """The arrays `keys` of the entry `name` (a relative path without suffix), made if they are missing."""
+    path = folder() / f"{name}.npz"
+    with contextlib.suppress(*_UNREADABLE), path.open("rb") as file:
+        kept = np.load(file, allow_pickle=False)
+        if isinstance(kept, np.lib.npyio.NpzFile) and keys == set(kept.files):
+            return {key: kept[key] for key in kept.files}
+    made = make()
+    with contextlib.suppress(OSError):
+        _write(path, made)
+    return made
+
+
+def _write(path: Path, made: Arrays) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(f".tmp{os.getpid()}")
+    try:
+        with temporary.open("wb") as file:
+            _write_npz(file, made)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _write_npz(file: IO[bytes], made: Arrays) -> None:
+    """`numpy.savez_compressed` at the fastest level, because writing should cost little."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for key, array in made.items():
+            with archive.open(f"{key}.npy", "w") as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
