@@ -1,6 +1,7 @@
 """Cameras of the virtual drive: ranges of rigs, masts that stand still, labels from above, options."""
 
 import hashlib
+import io
 import itertools
 import json
 import math
@@ -146,9 +147,11 @@ def test_the_order_of_vehicles_from_above_is_that_of_their_surfaces():
 def test_files_hold_the_camera_of_their_frame(tmp_path):
     settings = Settings(seed=5, split="validation", first=19, images=None, rig="mixed", height=(4.0, 9.0))
     write_drive(tmp_path, 3, settings)
-    lines = [json.loads(line) for line in (tmp_path / "labels.jsonl").read_text().splitlines()]
+    text = (tmp_path / "labels.jsonl").read_bytes()
+    lines = [json.loads(line) for line in text.splitlines()]
+    frames = FrameSource(io.BytesIO(text), "labels.jsonl", tmp_path)
     sizes = set()
-    for line, frame in zip(lines, FrameSource(tmp_path / "labels.jsonl"), strict=True):
+    for line, frame in zip(lines, frames, strict=True):
         assert not isinstance(frame, gp.InputError)
         made = scene(SEED, line["id"], None, settings.rigs)
         assert frame.view.camera == made.camera
