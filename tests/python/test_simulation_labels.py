@@ -207,7 +207,7 @@ def test_occlusion_of_a_pair(stage):
     assert second.occluded_share == pytest.approx(share, abs=0.06)
     assert second.occlusion == 1
     # keypoints well inside the near one's box are hidden, those beside it are not hidden by it
-    behind = (second.keypoints_2d > [first.bbox[0] + 25, first.bbox[1::2].mean()]).all(axis=1)
+    behind = (second.keypoints_2d > [first.bbox[0] + 5, first.bbox[1::2].mean()]).all(axis=1)
     assert (behind & (alone.keypoint_states == VISIBLE)).any()
     assert (second.keypoint_states[behind] == HIDDEN).all()
     beside = second.keypoints_2d[:, 0] < first.bbox[0]
