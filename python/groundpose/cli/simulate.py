@@ -13,6 +13,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from groundpose._core import InputError
 from groundpose.cli.output import complain, console, mistakes, refuse
 
+RANGE = "LOW..HIGH|VALUE"
+
 
 class Split(str, Enum):
     """Disjoint ranges of seeds, bodies and skies."""
@@ -44,6 +46,21 @@ def simulate(
         typer.Option(metavar="CLASS=FRACTION,...", help="Relative frequency of each class of vehicle."),
     ] = None,
     class_shares: Annotated[str | None, typer.Option(hidden=True)] = None,
+    rig: Annotated[
+        str, typer.Option(help="Mount of the camera: car, assistance, truck, mast, or mixed (all of them).")
+    ] = "car",
+    camera_height: Annotated[
+        str | None,
+        typer.Option(metavar=RANGE, help="Metres above the road; a car's camera stands still from 3 m on."),
+    ] = None,
+    pitch_deg: Annotated[
+        str | None, typer.Option(metavar=RANGE, help="Nominal pitch; negative looks down at the road.")
+    ] = None,
+    roll_deg: Annotated[str | None, typer.Option(metavar=RANGE, help="Nominal roll.")] = None,
+    fov_deg: Annotated[str | None, typer.Option(metavar=RANGE, help="Horizontal field of view.")] = None,
+    image_size: Annotated[
+        str | None, typer.Option(metavar="WIDTHxHEIGHT", help="Size of the pictures in pixels.")
+    ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")] = None,
 ) -> None:
     """Simulate drives: pictures, boxes, poses, keypoints and tilt of every frame.
@@ -52,6 +69,9 @@ def simulate(
     keypoints and tilt.csv. The same command resumes an interrupted run. The labels depend on the seed, not on
     the number of jobs.
 
+    The camera is drawn for each drive of 20 frames. RANGE is LOW..HIGH or one VALUE and replaces that of the
+    rig; the true tilt differs from the nominal one by about a degree.
+
     [bold]Examples[/bold]
 
       groundpose simulate --frames 100 --out drive
@@ -59,6 +79,10 @@ def simulate(
       groundpose simulate --frames 20000 --out labels --no-images --split test --seed 3
 
       groundpose simulate --frames 500 --out trucks --class-fractions car=0.2,box_truck=0.8 --format jpg
+
+      groundpose simulate --frames 200 --out mast --camera-height 6..10 --pitch-deg -35..-20 --fov-deg 60
+
+      groundpose simulate --frames 2000 --out all --rig mixed --image-size 1280x720
     """
     fractions = class_fractions if class_shares is None else class_shares  # the option's former name
     with mistakes():
@@ -71,6 +95,12 @@ def simulate(
                 "first": first,
                 "images": form.value if images else None,
                 **({} if fractions is None else {"shares": read_fractions(fractions)}),
+                "rig": rig,
+                "height": read_range("--camera-height", camera_height),
+                "pitch_deg": read_range("--pitch-deg", pitch_deg),
+                "roll_deg": read_range("--roll-deg", roll_deg),
+                "fov_deg": read_range("--fov-deg", fov_deg),
+                "image_size": read_size(image_size),
             },
             jobs or os.cpu_count() or 1,
         )
@@ -86,6 +116,28 @@ def read_fractions(text: str) -> dict[str, float]:
         except ValueError:
             raise InputError(f"--class-fractions: expected CLASS=FRACTION,..., got {part!r}") from None
     return fractions
+
+
+def read_range(option: str, text: str | None) -> tuple[float, float] | None:
+    """`3..8` or `5` as low and high. Raises InputError."""
+    if text is None:
+        return None
+    low, dots, high = text.partition("..")
+    try:
+        return float(low), float(high if dots else low)
+    except ValueError:
+        raise InputError(f"{option}: expected LOW..HIGH or one VALUE, got {text!r}") from None
+
+
+def read_size(text: str | None) -> tuple[int, int] | None:
+    """`1280x720` as width and height. Raises InputError."""
+    if text is None:
+        return None
+    width, _, height = text.partition("x")
+    try:
+        return int(width), int(height)
+    except ValueError:
+        raise InputError(f"--image-size: expected WIDTHxHEIGHT, got {text!r}") from None
 
 
 def _run(frames: int, out: Path, settings: dict[str, object], jobs: int) -> None:

@@ -6,8 +6,9 @@
 ('train', True)
 """
 
-from groundpose.lab.drive.drive import CAMERA, scene
+from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.labels import HIDDEN, OUTSIDE, VISIBLE, Label, labels
+from groundpose.lab.drive.rigs import CAMERA, RIGS
 from groundpose.lab.drive.scene import Light, Prop, Scene, Vehicle
 from groundpose.lab.drive.splits import SPLITS, scene_seed, split_of
 
@@ -15,6 +16,7 @@ __all__ = [
     "CAMERA",
     "HIDDEN",
     "OUTSIDE",
+    "RIGS",
     "SPLITS",
     "VISIBLE",
     "Label",

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from groundpose._checks import FloatArray, count
 from groundpose.lab.drive import ego as car
-from groundpose.lab.drive import surroundings
+from groundpose.lab.drive import mast, surroundings
 from groundpose.lab.drive.ego import FRAMES_PER_DRIVE, Ego
 from groundpose.lab.drive.footprints import Footprints, overlapping
+from groundpose.lab.drive.rigs import DEFAULT_RIG, RIGS, Mount, Rigs, draw_mount
 from groundpose.lab.drive.road import Road
-from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
+from groundpose.lab.drive.road_kinds import MAST_FRACTIONS, ROAD_KINDS, make_road
 from groundpose.lab.drive.scene import Light, Prop, Scene, Vehicle
 from groundpose.lab.drive.splits import body, split_of
-from groundpose.lab.drive.traffic import AHEAD, BEHIND, DEFAULT_SHARES, Actor, traffic
-from groundpose.types import Camera, View
-
-CAMERA = Camera.from_fov(1914, 1080, math.radians(50.8))
-"""The ego camera."""
+from groundpose.lab.drive.traffic import DEFAULT_SHARES, Actor, reach, traffic
+from groundpose.types import View
 
 # Room kept free around vehicles, metres.
 _MARGIN = 0.1
@@ -38,6 +36,7 @@ class Drive:
     """What all frames of a drive have in common."""
 
     road: Road
+    mount: Mount
     ego: Ego
     actors: tuple[Actor, ...]
     props: tuple[Prop, ...]
@@ -45,7 +44,12 @@ class Drive:
     light: Light
 
 
-def scene(seed: int, number: int, shares: Mapping[str, float] | None = None) -> Scene:
+def scene(
+    seed: int,
+    number: int,
+    shares: Mapping[str, float] | None = None,
+    rigs: Rigs = RIGS[DEFAULT_RIG],
+) -> Scene:
     """Frame `number` of the drive with `seed`. The frame depends on the arguments alone.
 
     A new drive begins every FRAMES_PER_DRIVE frames, with another road, light, camera and traffic.
@@ -54,21 +58,24 @@ def scene(seed: int, number: int, shares: Mapping[str, float] | None = None) -> 
         seed: from `splits.scene_seed`; it decides the split.
         number: of the frame, 0 or larger.
         shares: relative frequency of each class of vehicle; None: DEFAULT_SHARES.
+        rigs: from which the camera of each drive is drawn, see `rigs.RIGS`.
 
     Raises:
         InputError: a negative number, a seed of no split.
     """
     split = split_of(seed)
     index, frame = divmod(count("number", number), FRAMES_PER_DRIVE)
-    drive = _drive(seed, index, tuple((DEFAULT_SHARES if shares is None else shares).items()))
+    drive = _drive(seed, index, tuple((DEFAULT_SHARES if shares is None else shares).items()), rigs)
     R_road, at = _camera_place(drive, frame)
-    ego = drive.ego
-    pitch, roll, height = (float(a[frame]) for a in (ego.pitch, ego.roll, ego.height))
-    R = View(CAMERA, pitch, roll).R_camera_from_ground @ R_road.T
+    ego, mount = drive.ego, drive.mount
+    pitch, roll = mount.pitch + float(ego.pitch[frame]), mount.roll + float(ego.roll[frame])
+    height = float(ego.height[frame])
+    R = View(mount.camera, pitch, roll).R_camera_from_ground @ R_road.T
     position = at - height * R_road[:, 1]
     vehicles = _vehicles(drive, frame, R_road, at)
     return Scene(
-        camera=CAMERA,
+        camera=mount.camera,
+        mount=mount,
         R_camera_from_world=R,
         t_camera_from_world=-R @ position,
         pitch=pitch,
@@ -86,24 +93,32 @@ def scene(seed: int, number: int, shares: Mapping[str, float] | None = None) -> 
 
 
 @lru_cache(maxsize=4)
-def _drive(seed: int, index: int, shares: tuple[tuple[str, float], ...]) -> Drive:
+def _drive(seed: int, index: int, shares: tuple[tuple[str, float], ...], rigs: Rigs) -> Drive:
     """The drive `index`; each part has its own random stream."""
     split = split_of(seed)
-    road_rng, ego_rng, traffic_rng, props_rng, light_rng = (
+    road_rng, ego_rng, traffic_rng, props_rng, light_rng, mount_rng = (
         np.random.Generator(np.random.PCG64(child))
-        for child in np.random.SeedSequence((seed, index)).spawn(5)
+        for child in np.random.SeedSequence((seed, index)).spawn(6)
     )
-    names = list(ROAD_KINDS)
-    kind = names[int(road_rng.choice(len(names), p=[k.fraction for k in ROAD_KINDS.values()]))]
+    mount = draw_mount(mount_rng, rigs)
+    fractions = MAST_FRACTIONS if mount.standing else {name: k.fraction for name, k in ROAD_KINDS.items()}
+    kind = list(fractions)[int(road_rng.choice(len(fractions), p=list(fractions.values())))]
     speed = ROAD_KINDS[kind].speed[1] * 1.3
-    road = make_road(road_rng, kind, speed * FRAMES_PER_DRIVE * car.FRAME_INTERVAL + _PROPS_AHEAD)
-    lanes = [lane for lane in road.layout.lanes if lane.direction > 0]
-    lane = lanes[int(ego_rng.integers(len(lanes)))]
-    ego = car.drive_along(ego_rng, road, lane.d, lane.speed)
+    road = make_road(
+        road_rng, kind, speed * FRAMES_PER_DRIVE * car.FRAME_INTERVAL + _PROPS_AHEAD, mount.standing
+    )
+    ego = mast.stand(ego_rng, road, mount) if mount.standing else _drive_in_a_lane(ego_rng, road, mount)
     actors = traffic(traffic_rng, road, ego, split, dict(shares))
-    props = surroundings.props(road, props_rng)
+    props = _clear_of_mast(surroundings.props(road, props_rng), road, ego)
     places = np.array([prop.position for prop in props]).reshape(-1, 3)
-    return Drive(road, ego, actors, props, places, surroundings.light(light_rng, split))
+    return Drive(road, mount, ego, actors, props, places, surroundings.light(light_rng, split))
+
+
+def _drive_in_a_lane(rng: np.random.Generator, road: Road, mount: Mount) -> Ego:
+    lanes = [lane for lane in road.layout.lanes if lane.direction > 0]
+    lane = lanes[int(rng.integers(len(lanes)))]
+    ego = car.drive_along(rng, road, lane.d, lane.speed)
+    return ego if mount.height is None else replace(ego, height=np.full(len(ego.s), mount.height))
 
 
 def _camera_place(drive: Drive, frame: int) -> tuple[FloatArray, FloatArray]:
@@ -123,26 +138,31 @@ def _vehicles(drive: Drive, frame: int, R_road: FloatArray, at: FloatArray) -> t
     headings = drive.road.heading_at(s) + angle
     centres = drive.road.world(s, d)
     boxes = [body(a.class_name, a.seed).bbox_3d[:, [0, 2]] for a in near]
-    middle = at - R_road[:, 2] * (0.5 * car.LENGTH - car.CAMERA_TO_FRONT)
-    own = np.array([[-0.5 * car.WIDTH, -0.5 * car.LENGTH], [0.5 * car.WIDTH, 0.5 * car.LENGTH]])
-    footprints = Footprints.of(
-        np.concatenate([middle[None, [0, 2]], centres[:, [0, 2]]]),
-        np.concatenate([[math.atan2(R_road[0, 2], R_road[2, 2])], headings]),
-        np.array([own, *boxes]),
-        _MARGIN,
-    )
+    footprints = Footprints.of(centres[:, [0, 2]], headings, np.array(boxes), _MARGIN)
+    own = _own_footprint(drive, R_road, at)
+    blocked = np.zeros(len(near), bool) if own is None else overlapping(footprints, own)[:, 0]
     meets = overlapping(footprints)
-    kept: list[int] = [0]
-    for i in range(1, len(meets)):
-        if not meets[i, kept].any():
-            kept.append(i)
-    chosen = [i - 1 for i in kept[1:]]
+    chosen: list[int] = []
+    for i in np.flatnonzero(~blocked).tolist():
+        if not meets[i, chosen].any():
+            chosen.append(i)
     return _standing(drive, frame, [near[i] for i in chosen], centres[chosen], headings[chosen])
+
+
+def _own_footprint(drive: Drive, R_road: FloatArray, at: FloatArray) -> Footprints | None:
+    """That of the camera's car; None on a mast."""
+    if drive.ego.standing:
+        return None
+    middle = at - R_road[:, 2] * (0.5 * car.LENGTH - car.CAMERA_TO_FRONT)
+    own = np.array([[[-0.5 * car.WIDTH, -0.5 * car.LENGTH], [0.5 * car.WIDTH, 0.5 * car.LENGTH]]])
+    heading = np.array([math.atan2(R_road[0, 2], R_road[2, 2])])
+    return Footprints.of(middle[None, [0, 2]], heading, own, _MARGIN)
 
 
 def _in_sight(actor: Actor, ego: Ego, frame: int) -> bool:
     along = actor.s[frame] - ego.s[frame]
-    return bool(-BEHIND < along < AHEAD and math.hypot(along, actor.d[frame] - ego.d[frame]) < actor.sight)
+    ahead, behind = reach(ego)
+    return bool(-behind < along < ahead and math.hypot(along, actor.d[frame] - ego.d[frame]) < actor.sight)
 
 
 def _standing(
@@ -202,18 +222,12 @@ def _props(
     if not drive.props:
         return ()
     ahead = (drive.prop_places - at) @ forward
-    reach = np.array([0.5 * max(prop.size[0], prop.size[2]) for prop in drive.props])
-    near = (ahead - reach < _PROPS_AHEAD) & (ahead + reach > -_PROPS_BEHIND)
+    half = np.array([0.5 * max(prop.size[0], prop.size[2]) for prop in drive.props])
+    near = (ahead - half < _PROPS_AHEAD) & (ahead + half > -_PROPS_BEHIND)
     chosen = [drive.props[i] for i in np.flatnonzero(near)]
     if not vehicles or not chosen:
         return tuple(chosen)
-    things = Footprints.of(
-        np.array([prop.position[[0, 2]] for prop in chosen]),
-        np.array([prop.yaw for prop in chosen]),
-        np.array(
-            [[[-0.5 * p.size[0], -0.5 * p.size[2]], [0.5 * p.size[0], 0.5 * p.size[2]]] for p in chosen]
-        ),
-    )
+    things = _prop_footprints(chosen)
     cars = Footprints.of(
         np.array([v.t_world[[0, 2]] for v in vehicles]),
         np.array([math.atan2(v.R_world[0, 2], v.R_world[2, 2]) for v in vehicles]),
@@ -221,3 +235,23 @@ def _props(
     )
     free = np.flatnonzero(~overlapping(things, cars).any(axis=1))
     return tuple(chosen[i] for i in free)
+
+
+def _prop_footprints(props: Sequence[Prop]) -> Footprints:
+    half = 0.5 * np.array([prop.size[[0, 2]] for prop in props])
+    return Footprints.of(
+        np.array([prop.position[[0, 2]] for prop in props]),
+        np.array([prop.yaw for prop in props]),
+        np.stack([-half, half], axis=1),
+    )
+
+
+def _clear_of_mast(props: tuple[Prop, ...], road: Road, ego: Ego) -> tuple[Prop, ...]:
+    """The things that leave room for a mast: no crown of a tree, lamp or house around the camera."""
+    if not props or not ego.standing:
+        return props
+    at = road.world(ego.s[0], ego.d[0])[:, [0, 2]]
+    half = 0.5 * mast.FREE * np.ones((1, 2))
+    room = Footprints.of(at, road.heading_at(ego.s[0]), np.stack([-half, half], axis=1))
+    taken = overlapping(_prop_footprints(props), room)[:, 0]
+    return tuple(prop for prop, inside in zip(props, taken, strict=True) if not inside)

@@ -22,6 +22,9 @@ FRAME_INTERVAL = 0.5
 LENGTH, WIDTH, CAMERA_TO_FRONT = 4.6, 1.85, 1.8
 """Distance of the camera behind the front of the car, metres."""
 
+HEIGHT = (1.2, 1.8)
+"""Of the camera above the road where its rig does not say, metres."""
+
 _STEP = 0.01  # of the integration, seconds
 _WARM_UP = 3.0  # seconds before the first frame, in which the springs settle
 
@@ -37,7 +40,8 @@ _POTHOLE_DEG = 1.2
 @dataclass(frozen=True, eq=False)
 class Ego:
     """The camera's motion; one value per frame. `s`, `d` of the road under the camera, `yaw` against the road
-    (positive to the right), `pitch`, `roll`, `height` of the camera against the plane of the road there."""
+    (positive to the right), `height` of the camera above the plane of the road there; `pitch` and `roll` are
+    added to the nominal tilt. `standing`: on a mast, not on a car."""
 
     s: FloatArray
     d: FloatArray
@@ -47,6 +51,7 @@ class Ego:
     pitch: FloatArray
     roll: FloatArray
     height: FloatArray
+    standing: bool = False
 
 
 def drive_along(rng: np.random.Generator, road: Road, lane_d: float, speed: float) -> Ego:
@@ -75,7 +80,7 @@ def drive_along(rng: np.random.Generator, road: Road, lane_d: float, speed: floa
         acceleration=acceleration[at],
         pitch=pitch[at],
         roll=roll[at],
-        height=np.full(len(at), rng.uniform(1.2, 1.8)),
+        height=np.full(len(at), rng.uniform(*HEIGHT)),
     )
 
 

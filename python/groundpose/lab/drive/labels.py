@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
 from groundpose.lab.drive.scene import Scene
-from groundpose.lab.drive.silhouette import NEAR, Region, inside
+from groundpose.lab.drive.silhouette import NEAR, Region, below, inside
 from groundpose.lab.drive.visibility import Order, Sight, Target, clipped, look, things
 from groundpose.types import View
 
@@ -139,21 +139,22 @@ def _area(box: FloatArray) -> float:
 
 def _hidden_fraction(scene: Scene, sight: Sight, hiders: list[Sight], road_row: float) -> float:
     """Fraction of the outline inside the image that nearer solids and the road cover."""
-    if not hiders and road_row >= sight.box[3]:
+    if not hiders and road_row >= below(scene.mount.roll, sight.box[[0, 2]], sight.box[3]).max():
         return 0.0
     region = Region.around(clipped(scene.camera, sight.box))
     own = region.mask(sight.polygons)
     total = np.count_nonzero(own)
     if total == 0:
         return 0.0
-    hidden = own & region.below(road_row)
+    hidden = own & region.below(road_row, scene.mount.roll)
     if hiders:
         hidden |= own & region.mask(np.concatenate([hider.polygons for hider in hiders]))
     return float(np.count_nonzero(hidden) / total)
 
 
 def _road_rows(scene: Scene, seen: list[Sight]) -> FloatArray:
-    """Image row (N,) below which a crest of the road hides each vehicle."""
+    """Image row (N,) below which a crest of the road hides each vehicle, in an image turned level by the
+    nominal roll, see `silhouette.below`."""
     position = scene.camera_position
     ends = np.array([scene.vehicles[sight.row].t_world for sight in seen])
     away = np.linalg.norm((ends - position)[:, [0, 2]], axis=1)
@@ -168,7 +169,9 @@ def _road_rows(scene: Scene, seen: list[Sight]) -> FloatArray:
     camera = world @ scene.R_camera_from_world.T + scene.t_camera_from_world
     rows = np.full(len(world), np.inf)
     front = camera[:, 2] >= NEAR
-    rows[front] = scene.camera.project(camera[front])[:, 1]
+    rows[front] = below(scene.mount.roll, *scene.camera.project(camera[front]).T)
+    # a vehicle under the camera has no ground before it
+    rows[np.repeat(reach == 0.0, _GROUND_SAMPLES)] = np.inf
     return np.asarray(rows.reshape(len(seen), -1).min(axis=1))
 
 
@@ -182,7 +185,9 @@ def _states(
         within = ((pixels >= -0.5) & (pixels < [width - 0.5, height - 0.5])).all(axis=1)
     states = np.where(within, VISIBLE, OUTSIDE).astype(np.uint8)
     rows = np.flatnonzero(within)
-    hidden = own_body_hides(target, pixels[rows], depth[rows]) | (pixels[rows, 1] > road_row)
+    hidden = own_body_hides(target, pixels[rows], depth[rows]) | (
+        below(scene.mount.roll, *pixels[rows].T) > road_row
+    )
     for hider in hiders:
         near = np.flatnonzero(((pixels[rows] >= hider.box[:2]) & (pixels[rows] <= hider.box[2:])).all(axis=1))
         hidden[near] |= inside(hider.polygons, pixels[rows[near]])

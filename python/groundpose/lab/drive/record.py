@@ -11,6 +11,7 @@ from groundpose._checks import FloatArray
 from groundpose.formats.frames import BUNDLED
 from groundpose.formats.kitti.labels import TYPE_OF, KittiLabel
 from groundpose.lab.drive.labels import OUTSIDE, VISIBLE, Label
+from groundpose.lab.drive.rigs import Mount
 from groundpose.lab.drive.scene import Scene
 
 TILT_COLUMNS = (
@@ -24,13 +25,14 @@ TILT_COLUMNS = (
 def frame_line(scene: Scene, labels: Sequence[Label], drive: int, image: str | None) -> str:
     """The JSON line of a frame, see `formats.frames`.
 
-    The nominal tilt is zero; the true tilt is in `_tilt`. The reader of frames skips members that begin with
+    The nominal tilt is that of the mount, zero for the rig "car"; the true tilt is in `_tilt`. The reader of frames skips members that begin with
     `_`; docs/simulation.md lists them.
     """
     camera = scene.camera
     record: dict[str, Any] = {
         "id": scene.number,
         "camera": {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "image_size")},
+        **_nominal_tilt(scene.mount),
         **({} if image is None else {"image": image}),
         "models": {
             class_name: BUNDLED + class_name
@@ -44,8 +46,8 @@ def frame_line(scene: Scene, labels: Sequence[Label], drive: int, image: str | N
         "_light": scene.light.kind,
         "_speed": round(scene.speed, 3),
         "_tilt": {
-            "pitch_deg": round(math.degrees(scene.pitch), 6),
-            "roll_deg": round(math.degrees(scene.roll), 6),
+            "pitch_deg": _degrees(scene.pitch),
+            "roll_deg": _degrees(scene.roll),
             "camera_height": round(scene.height, 4),
         },
         "_camera_from_world": {
@@ -54,6 +56,16 @@ def frame_line(scene: Scene, labels: Sequence[Label], drive: int, image: str | N
         },
     }
     return json.dumps(record, allow_nan=False) + "\n"
+
+
+def _nominal_tilt(mount: Mount) -> dict[str, float]:
+    if not mount.tilted:
+        return {}
+    return {"pitch_deg": _degrees(mount.pitch), "roll_deg": _degrees(mount.roll)}
+
+
+def _degrees(angle: float) -> float:
+    return round(math.degrees(angle), 6)
 
 
 def _object(label: Label) -> dict[str, Any]:
@@ -75,8 +87,8 @@ def _object(label: Label) -> dict[str, Any]:
         "_occluded_share": round(label.occluded_share, 4),
         "_body": {"kind": label.class_name, "style": label.style, "seed": label.seed},
         "_state": label.state,
-        "_plane_pitch_deg": round(math.degrees(label.plane_pitch), 6),
-        "_plane_roll_deg": round(math.degrees(label.plane_roll), 6),
+        "_plane_pitch_deg": _degrees(label.plane_pitch),
+        "_plane_roll_deg": _degrees(label.plane_roll),
     }
 
 

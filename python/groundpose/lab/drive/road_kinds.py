@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -119,6 +119,9 @@ ROAD_KINDS = {
     ),
 }
 
+MAST_FRACTIONS = {"street": 0.25, "avenue": 0.25, "country": 0.08, "motorway": 0.2, "yard": 0.22}
+"""Fractions of the kinds of roads with a camera on a mast."""
+
 # Of a parking place: angle to the road, depth across it, pitch along it with a margin between cars; metres.
 _PARKING = {
     "parallel": (0.0, 2.25, 6.0),
@@ -132,10 +135,15 @@ _SECONDS = 10.0
 _JUNCTION_FLAT, _JUNCTION_FADE = 28.0, 40.0
 
 
-def make_road(rng: np.random.Generator, kind: str, length: float) -> Road:
-    """A random road of `kind` from BEHIND metres before the start to `length` metres after it."""
+def make_road(rng: np.random.Generator, kind: str, length: float, rows: bool = False) -> Road:
+    """A random road of `kind` from BEHIND metres before the start to `length` metres after it.
+
+    `rows`: a yard has further aisles and rows of places on both sides.
+    """
     made = ROAD_KINDS[kind]
     layout = _layout(rng, kind, made)
+    if rows and kind == "yard":
+        layout = _with_aisles(rng, layout)
     s = np.arange(-BEHIND, length + STEP, STEP)
     junction = _junction(rng, made, layout, length)
     free = _free(s, junction)
@@ -203,6 +211,33 @@ def _layout(rng: np.random.Generator, kind: str, made: RoadKind) -> Layout:
         median=median,
         shoulder=made.shoulder,
         extent=max(edges) + 45.0,
+    )
+
+
+def _with_aisles(rng: np.random.Generator, layout: Layout) -> Layout:
+    """A car park: beyond the rows of a yard up to two more aisles on each side, each between two rows."""
+    angle, depth, pitch = _PARKING["perpendicular"]
+    width, speed = layout.lanes[0].width, layout.lanes[0].speed
+    lanes, parking, edges = list(layout.lanes), list(layout.parking), []
+    for side in (-1, 1):
+        edge = layout.edge(side)
+        for _ in range(int(rng.integers(0, 3))):
+            aisle = edge + depth + 0.1
+            beyond = aisle + 2.0 * width + 0.1
+            for n, direction in ((0.5, -side), (1.5, side)):
+                lanes.append(Lane(side * (aisle + n * width), width, direction, speed))
+            for start, toward in ((edge, -side), (beyond, side)):
+                taken = float(rng.uniform(0.35, 0.95))
+                parking.append(Parking(side * (start + 0.5 * depth), toward, pitch, angle, depth, taken))
+            edge = beyond + depth + 0.25
+        edges.append(edge)
+    return replace(
+        layout,
+        lanes=tuple(lanes),
+        parking=tuple(parking),
+        left=edges[0],
+        right=edges[1],
+        extent=layout.extent + max(edges) - max(layout.left, layout.right),
     )
 
 

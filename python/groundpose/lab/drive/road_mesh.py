@@ -154,7 +154,8 @@ def _lines(layout: Layout) -> list[tuple[float, tuple[float, float] | None]]:
     for direction in (-1, 1):
         lanes = sorted((lane for lane in layout.lanes if lane.direction == direction), key=lambda a: abs(a.d))
         for inner, outer in itertools.pairwise(lanes):
-            lines.append((0.5 * (inner.d + outer.d), broken))
+            if abs(outer.d - inner.d) < 1.5 * inner.width:  # not another aisle
+                lines.append((0.5 * (inner.d + outer.d), broken))
         outer_edge = lanes[-1].d + np.sign(lanes[-1].d) * 0.5 * lanes[-1].width
         if layout.median > 0.0:
             inner_edge = lanes[0].d - np.sign(lanes[0].d) * 0.5 * lanes[0].width

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundpose._checks import FloatArray
+from groundpose.lab.drive.rigs import Mount
 from groundpose.lab.drive.road import Road
 from groundpose.types import Camera, View
 
@@ -74,10 +75,12 @@ class Scene:
     """One frame.
 
     `pitch` and `roll` are the true tilt of the camera against the plane of the road under it, `height` its
-    metres above that plane; `X_camera = R_camera_from_world @ X_world + t_camera_from_world`.
+    metres above that plane; `mount` has the nominal tilt;
+    `X_camera = R_camera_from_world @ X_world + t_camera_from_world`.
     """
 
     camera: Camera
+    mount: Mount
     R_camera_from_world: FloatArray
     t_camera_from_world: FloatArray
     pitch: float

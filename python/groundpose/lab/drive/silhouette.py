@@ -8,6 +8,7 @@ cargo bed, trunk and crown stay separate. `tests/python/test_simulation_labels.p
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,6 +99,12 @@ def inside(polygons: FloatArray, pixels: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(np.any(every, axis=1))
 
 
+def below(roll: float, u: FloatArray, v: FloatArray) -> FloatArray:
+    """Rows of pixels at columns `u`, rows `v` in the image turned level about its origin: a horizon of the
+    roll (radians) has one row."""
+    return np.asarray(math.cos(roll) * v - math.sin(roll) * u)
+
+
 @dataclass(frozen=True)
 class Region:
     """A part of the image at reduced scale."""
@@ -127,7 +134,8 @@ class Region:
             draw.polygon(polygon.ravel().tolist(), fill=1)
         return np.asarray(canvas, dtype=bool)
 
-    def below(self, row: float) -> NDArray[np.bool_]:
-        """(height, width) mask of everything below an image row."""
-        rows = self.top + (np.arange(self.height) + 0.5) / self.scale
-        return np.broadcast_to((rows > row)[:, None], (self.height, self.width))
+    def below(self, row: float, roll: float) -> NDArray[np.bool_]:
+        """(height, width) mask of everything below a row of the level image."""
+        rows: FloatArray = self.top + (np.arange(self.height) + 0.5) / self.scale
+        columns: FloatArray = self.left + (np.arange(self.width) + 0.5) / self.scale
+        return below(roll, columns, rows[:, None]) > row

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error, number
+from groundpose.lab.drive import mast
 from groundpose.lab.drive.ego import CAMERA_TO_FRONT, FRAME_INTERVAL, Ego
 from groundpose.lab.drive.road import Junction, Lane, Parking, Road
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, wave
@@ -17,10 +18,17 @@ from groundpose.lab.drive.splits import length_and_width, random_body
 from groundpose.vehicles import CLASSES
 
 AHEAD, BEHIND = 110.0, 14.0
-"""Lengths of road ahead of and behind the camera with traffic, metres."""
+"""Lengths of road ahead of and behind a moving camera with traffic, metres."""
+
+# A vehicle appears within a random distance: least, and the scale of a gamma distribution of shape 1.4.
+_SIGHT, _SIGHT_FROM_MAST = (18.0, 18.0), (35.0, 35.0)
 
 DEFAULT_SHARES = {"car": 0.60, "van_bus": 0.15, "pickup": 0.11, "box_truck": 0.14}
 """Relative frequency of each class of vehicle."""
+
+
+# Distances between moving vehicles before a camera on a mast, relative to those around a car.
+_DENSER = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +46,11 @@ class Actor:
     braking: NDArray[np.bool_]
     lamps: float
     sight: float
+
+
+def reach(ego: Ego) -> tuple[float, float]:
+    """Lengths of road ahead of and behind the camera with traffic, metres."""
+    return (mast.AHEAD, mast.BEHIND) if ego.standing else (AHEAD, BEHIND)
 
 
 @dataclass(frozen=True)
@@ -68,7 +81,8 @@ def traffic(
     parked = [actor for row in road.layout.parking for actor in maker.row(row)]
     cross = list(maker.junction(road.junction)) if road.junction is not None else []
     lanes = sorted(road.layout.lanes, key=lambda lane: abs(lane.d - ego.d[0]))
-    moving = [actor for lane in lanes for actor in maker.stream(lane, own=lane is lanes[0])]
+    own = None if ego.standing else lanes[0]
+    moving = [actor for lane in lanes for actor in maker.stream(lane, own=lane is own)]
     return (*parked, *cross, *moving)
 
 
@@ -89,6 +103,7 @@ class _Maker:
         braking: NDArray[np.bool_] | bool = False,
     ) -> Actor:
         frames = len(self.ego.s)
+        least, scale = _SIGHT_FROM_MAST if self.ego.standing else _SIGHT
         s, d, angle = (np.array(np.broadcast_to(x, frames), float) for x in (s, d, angle))
         return Actor(
             class_name=chosen[0],
@@ -100,14 +115,15 @@ class _Maker:
             state=(state,) * frames if isinstance(state, str) else state,
             braking=np.array(np.broadcast_to(braking, frames), bool),
             lamps=float(self.rng.random()),
-            sight=float(18.0 + self.rng.gamma(1.4, 18.0)),
+            sight=float(least + self.rng.gamma(1.4, scale)),
         )
 
     def row(self, row: Parking) -> Iterator[Actor]:
         """Vehicles parked in a row: parallel to the kerb, or with the front or the rear to it."""
         rng, edge = self.rng, self.road.layout.edge(row.side)
-        place = float(self.ego.s[0]) - BEHIND - rng.uniform(0.0, row.pitch)
-        end = float(self.ego.s[-1]) + AHEAD
+        ahead, behind = reach(self.ego)
+        place = float(self.ego.s[0]) - behind - rng.uniform(0.0, row.pitch)
+        end = float(self.ego.s[-1]) + ahead
         while place < end:
             place += row.pitch
             if rng.random() >= row.occupancy or self._near_junction(place, 7.0):
@@ -147,11 +163,14 @@ class _Maker:
             v = np.clip(lane.speed * (1.0 + 0.25 * wave(rng, t, (8.0, 30.0))), 0.0, None)
             moved = lane.direction * np.concatenate([[0.0], np.cumsum(v[:-1]) * FRAME_INTERVAL])
             braking, speed = np.gradient(v, FRAME_INTERVAL) < -0.6, float(v.mean())
-        start = float((ego.s - moved).min()) - BEHIND
-        end = float((ego.s - moved).max()) + AHEAD
+        ahead, behind = reach(ego)
+        start = float((ego.s - moved).min()) - behind
+        end = float((ego.s - moved).max()) + ahead
         if own:
             start = float(ego.s[0]) + CAMERA_TO_FRONT
         headway, gap = rng.uniform(0.4, 1.4), rng.uniform(*ROAD_KINDS[self.road.layout.kind].gap)
+        if ego.standing:
+            headway, gap = _DENSER * headway, _DENSER * gap
         place = start
         while True:
             chosen = self.classes.draw(widest=lane.width - 0.15)

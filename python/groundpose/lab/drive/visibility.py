@@ -172,11 +172,12 @@ class Order:
         rows = np.flatnonzero(meets)
         if not len(rows):
             return meets
-        u = 0.5 * (np.maximum(boxes[rows, 0], own[0]) + np.minimum(boxes[rows, 2], own[2]))
-        camera = self.scene.camera
-        rays = camera.rays(np.stack([u, np.full(len(u), camera.cy)], axis=1))
-        level = (rays @ self.scene.R_camera_from_world)[:, [0, 2]]
-        level /= np.linalg.norm(level, axis=1, keepdims=True)
+        common = 0.5 * (np.maximum(boxes[rows, :2], own[:2]) + np.minimum(boxes[rows, 2:], own[2:]))
+        camera, mount = self.scene.camera, self.scene.mount
+        if not mount.tilted:  # all rows of a column lie in about one vertical plane
+            common[:, 1] = camera.cy
+        level = (camera.rays(common) @ self.scene.R_camera_from_world)[:, [0, 2]]
+        level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
         own_reach, reached = self._entry(np.full(len(rows), i), level), self._entry(rows, level)
         meets[rows] = reached < own_reach
         return meets

@@ -15,11 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from groundpose._checks import count, input_error
-from groundpose.formats.kitti.labels import format_labels
+from groundpose.formats.kitti.labels import format_calibration, format_labels
 from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.ego import FRAMES_PER_DRIVE
 from groundpose.lab.drive.labels import labels
 from groundpose.lab.drive.record import frame_line, kitti_label
+from groundpose.lab.drive.rigs import DEFAULT_RIG, Range, Rigs, Size, rigs
 from groundpose.lab.drive.scene import Scene
 from groundpose.lab.drive.splits import scene_seed
 from groundpose.lab.drive.traffic import DEFAULT_SHARES, check_shares
@@ -37,7 +38,8 @@ _BLOCK = {True: 4, False: FRAMES_PER_DRIVE}
 @dataclass(frozen=True)
 class Settings:
     """Contents of a folder: seed within its split, split, number of the first frame, relative frequencies of
-    the classes (`shares`) and format of the pictures (None: no pictures).
+    the classes (`shares`), format of the pictures (None: no pictures), name of the camera's rig, and ranges
+    that replace those of the rig (None: its own), see `rigs.rigs`.
 
     Raises:
         InputError: an invalid value.
@@ -48,6 +50,12 @@ class Settings:
     first: int = 0
     shares: Mapping[str, float] = field(default_factory=lambda: dict(DEFAULT_SHARES))
     images: str | None = "png"
+    rig: str = DEFAULT_RIG
+    height: Range | None = None
+    pitch_deg: Range | None = None
+    roll_deg: Range | None = None
+    fov_deg: Range | None = None
+    image_size: Size | None = None
     version: int = _VERSION
 
     def __post_init__(self) -> None:
@@ -57,6 +65,12 @@ class Settings:
         check_shares(self.shares)
         if self.images not in (None, *FORMATS):
             raise input_error("format", f"one of {', '.join(FORMATS)}", repr(self.images))
+        self.rigs  # noqa: B018 - checks the ranges
+
+    @property
+    def rigs(self) -> Rigs:
+        """The rigs from which the camera of each drive is drawn."""
+        return rigs(self.rig, self.height, self.pitch_deg, self.roll_deg, self.fov_deg, self.image_size)
 
 
 @dataclass(frozen=True)
@@ -66,6 +80,7 @@ class Frame:
     number: int
     line: str
     kitti: str
+    calibration: str
     objects: int
 
 
@@ -122,14 +137,15 @@ def _make_block(out: Path, block: range, settings: Settings) -> list[Frame]:
 
 
 def _make_frame(out: Path, number: int, settings: Settings) -> Frame:
-    made = scene(scene_seed(settings.seed, settings.split), number, settings.shares)
+    made = scene(scene_seed(settings.seed, settings.split), number, settings.shares, settings.rigs)
     found = labels(made)
     image = None
     if settings.images is not None:
         image = image_name(number, settings.images)
         _draw(made, temporary(out / image), settings.images)
     line = frame_line(made, found, number // FRAMES_PER_DRIVE, image)
-    return Frame(number, line, format_labels(map(kitti_label, found)), len(found))
+    kitti = format_labels(map(kitti_label, found))
+    return Frame(number, line, kitti, format_calibration(made.camera), len(found))
 
 
 def _draw(made: Scene, part: Path, form: str) -> None:

@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from groundpose._checks import input_error, integer
-from groundpose.formats.kitti.labels import format_calibration
 from groundpose.lab.drive.coco import write_lines
-from groundpose.lab.drive.drive import CAMERA
 from groundpose.lab.drive.record import TILT_COLUMNS, tilt_row
+from groundpose.lab.drive.rigs import DEFAULT_RIG
 from groundpose.lab.drive.workers import Frame, Settings, image_name, make_frames, temporary
 
 SETTINGS, LINES, TILT, COCO = "drive.json", "labels.jsonl", "tilt.csv", "keypoints_coco.json"
@@ -65,11 +64,10 @@ def _add_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Gen
         return
     for name in (TILT, COCO):  # they describe fewer frames
         (out / name).unlink(missing_ok=True)
-    calibration = format_calibration(CAMERA)
     try:
         with _appending(out / LINES) as append, closing(make_frames(out, numbers, settings, jobs)) as made:
             for frame in made:
-                _keep(out, frame, settings, calibration, append)
+                _keep(out, frame, settings, append)
                 yield frame.objects
     finally:
         for part in (out / "training").glob("*/.*.part"):  # incomplete, or complete but not yet recorded
@@ -84,8 +82,9 @@ def _open_folder(out: Path, settings: Settings) -> None:
             found = json.loads(path.read_text(encoding="utf-8"))
         except ValueError:
             raise input_error(str(path), "settings of a simulated drive", "another file") from None
-        found = found if isinstance(found, dict) else {}
-        for key, wanted in asdict(settings).items():
+        # a folder without a rig is older than rigs
+        found = {"rig": DEFAULT_RIG, **(found if isinstance(found, dict) else {})}
+        for key, wanted in json.loads(json.dumps(asdict(settings))).items():
             if found.get(key) != wanted:
                 expected = f"{key} {found.get(key)!r}, with which the folder was begun"
                 raise input_error(str(out), expected, f"{wanted!r}; give another folder")
@@ -137,13 +136,11 @@ def _cut(path: Path, size: int) -> None:
         file.truncate(size)
 
 
-def _keep(
-    out: Path, frame: Frame, settings: Settings, calibration: str, append: Callable[[str], None]
-) -> None:
+def _keep(out: Path, frame: Frame, settings: Settings, append: Callable[[str], None]) -> None:
     """Rename a frame's files into place and record the frame."""
     stem = f"{frame.number:06d}"
     _replace(out / "training" / "label_2" / f"{stem}.txt", [frame.kitti])
-    _replace(out / "training" / "calib" / f"{stem}.txt", [calibration])
+    _replace(out / "training" / "calib" / f"{stem}.txt", [frame.calibration])
     if settings.images:
         picture = out / image_name(frame.number, settings.images)
         os.replace(temporary(picture), picture)
