@@ -84,6 +84,23 @@ class Renderer:
         """
         if not 0 <= integer("index", index) < len(scene.vehicles):
             raise input_error("index", f"0 to {len(scene.vehicles) - 1}", index)
+        return self.window(scene, box, size, (85, scene.seed, scene.number, index) if effects else None)
+
+    def window(self, scene: Scene, box: object, size: tuple[int, int], seed: tuple[int, ...] | None) -> Image:
+        """The part of the frame inside `box`, resampled to `size`, whatever is there.
+
+        Args:
+            scene: the frame's scene.
+            box: left, top, right, bottom in pixels of the frame; may reach beyond it.
+            size: width, height of the picture.
+            seed: of the effects of the camera; None gives a clean picture.
+
+        Returns:
+            (height, width, 3) uint8.
+
+        Raises:
+            InputError: a box without area, a size that is not positive.
+        """
         left, top, right, bottom = shaped("box", box, (4,)).tolist()
         width, height = (integer("size", n) for n in size)
         if not (right > left and bottom > top):
@@ -92,11 +109,10 @@ class Renderer:
             raise input_error("size", "a positive width and height", size)
         window = camera.sampled_window((left, top, right, bottom), (width, height))
         linear = self._draw(scene, window)
-        if effects:
-            rng = np.random.default_rng([85, scene.seed, scene.number, index])
-            picture = camera.develop(linear, scene, window, rng)
-        else:
+        if seed is None:
             picture = camera.plain(linear, scene.light.exposure)
+        else:
+            picture = camera.develop(linear, scene, window, np.random.default_rng(seed))
         return camera.resample(picture, window, (left, top, right, bottom), (width, height))
 
     def stage(self, scene: Scene) -> Staged:

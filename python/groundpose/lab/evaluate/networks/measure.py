@@ -19,7 +19,7 @@ from groundpose.keypoints.network import Network
 from groundpose.keypoints.pipeline import Pipeline
 from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import report
-from groundpose.lab.evaluate.networks import poses
+from groundpose.lab.evaluate.networks import nothing, poses
 from groundpose.lab.evaluate.networks.latency import THREADS, cost, milliseconds
 from groundpose.lab.evaluate.networks.page import RESULTS, write_page
 from groundpose.lab.timing import Clock
@@ -75,6 +75,7 @@ def trained(network: Network, folder: Path, seed: int) -> dict[str, Any]:
         for experiment in ("G1", "G2")
         for boxes in poses.BOXES
     }
+    said["nothing"] = nothing.rates(network)
     frames = data_folder() / "kitti" / "training"
     if frames.is_dir():
         pipeline = Pipeline(network)

@@ -27,6 +27,10 @@ _METHODS = (
     ("RNSC-P3P+HRE", "RNSC-P3P+HRE, score >= 0.1"),
     ("PoseLib tuned", "PoseLib tuned, score >= 0.1"),
 )
+NOTHING = (
+    "Boxes of photographs without a vehicle, grey and noise that the network calls a vehicle, %, by what is "
+    "there; vehicles of the development frames, each looked at twelve times, that it calls none, %."
+)
 TIMES = (
     "The network alone on one crop; then a whole object on one thread, from an image in memory to pose and "
     "shape, by step: the image's objects in one call, medians over calls."
@@ -61,6 +65,8 @@ def tables(found: dict[str, Any]) -> str:
     ]
     if trained := found.get("trained"):
         parts += ["### Real streets, development frames", table(_streets(trained))]
+        if any("nothing" in one for one in trained.values()):
+            parts += ["### Nothing there", NOTHING, table(_nothing(trained))]
         parts += ["### Poses from held-out pictures (G1, G2)", ERRORS]
         parts += [table(_poses(trained))]
         parts += ["### Milliseconds", TIMES, table(_times(trained))]
@@ -106,6 +112,19 @@ def _costs(found: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _streets(trained: dict[str, Any]) -> list[dict[str, Any]]:
     return [{"network": name, **one["streets"]} for name, one in trained.items() if "streets" in one]
+
+
+def _nothing(trained: dict[str, Any]) -> list[dict[str, Any]]:
+    lines = []
+    for name, one in trained.items():
+        if found := one.get("nothing"):
+            cells = {
+                f"{kind}: {m['boxes']}": 100 * m["called_vehicle"] for kind, m in found["nothing"].items()
+            }
+            if vehicles := found.get("vehicles"):
+                cells[f"vehicles called none: {vehicles['boxes']}"] = 100 * vehicles["called_none"]
+            lines.append({"network": name, **cells})
+    return lines
 
 
 def _poses(trained: dict[str, Any]) -> list[dict[str, Any]]:
