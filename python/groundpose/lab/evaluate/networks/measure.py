@@ -27,13 +27,13 @@ from groundpose.lab.evaluate.networks.judged import judge
 from groundpose.lab.evaluate.networks.latency import THREADS, cost, milliseconds
 from groundpose.lab.evaluate.networks.page import RESULTS, write_page
 from groundpose.lab.evaluate.networks.reliability import reliability
-from groundpose.lab.evaluate.networks.renders import ROAD_SIDE, SMALL, renders
+from groundpose.lab.evaluate.networks.renders import ROAD_SIDE, SMALL, moved, renders
 from groundpose.lab.timing import Clock
 from groundpose.lab.training.configs import NETWORKS
 from groundpose.lab.training.crops import Crops, Records
 from groundpose.lab.training.evaluate import answers, inside_image
 
-TRIALS = 50
+TRIALS, SMALL_LOOKS = 50, 6
 _TOLD = ("command", "training_seconds", "steps", "earlier_run", "data", "weights")
 _WHEELS = Path("target/wheels")
 MOST_OCCLUDED = 0.3
@@ -140,7 +140,7 @@ def _streets(context: Context) -> dict[str, Any]:
 
 
 def _square_on(context: Context) -> dict[str, Any]:
-    seen = judge(context.network, renders(context.crops, SMALL, context.tell))
+    seen = judge(context.network, moved(renders(context.crops, SMALL, context.tell), SMALL_LOOKS))
     return {"square_on": seen.numbers() | seen.turned()}
 
 

@@ -1,4 +1,4 @@
-"""Whether keypoint scores are the probabilities that they say: inside and outside the crop, and on nothing."""
+"""Whether keypoint scores are the probabilities they claim: inside and outside the crop, and on nothing."""
 
 from __future__ import annotations
 

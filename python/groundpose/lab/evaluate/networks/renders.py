@@ -156,3 +156,22 @@ def with_truth(crops: Crops, rig: Rig) -> Renders:
     R, location = np.array([label.R for label in found]), np.array([label.location for label in found])
     alpha = np.array([label.alpha for label in found])
     return Renders(crops, views, rows, R, alpha, np.arctan2(location[:, 0], location[:, 2]))
+
+
+def moved(seen: Renders, looks: int, noise: float = 0.03) -> Renders:
+    """Every vehicle `looks` times, once with its box and then with the sides of the box moved by a fraction
+    `noise` (one standard deviation) of them, as `streets.looks` does."""
+    rng, count = np.random.default_rng(0), len(seen.crops)
+    boxes = np.tile(seen.crops.labels["box"].astype(np.float64), (looks, 1))
+    sides = np.tile(boxes[:, 2:] - boxes[:, :2], 2)
+    shift = noise * np.clip(rng.normal(size=boxes.shape), -2.0, 2.0) * sides
+    shift[:count] = 0.0
+    starts = count * np.arange(looks)
+    return Renders(
+        seen.crops.of(np.tile(np.arange(count), looks), boxes + shift),
+        seen.views,
+        [np.add.outer(starts, rows).ravel() for rows in seen.rows],
+        np.tile(seen.R, (looks, 1, 1)),
+        np.tile(seen.alpha, looks),
+        np.tile(seen.direction, looks),
+    )

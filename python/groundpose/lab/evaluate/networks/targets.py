@@ -32,7 +32,17 @@ class Wanted:
 
 
 _DRIVE = "held-out drive, all vehicles"
-_STREETS = "real streets, development cars, 12 looks each"
+_STREETS = "real streets, development cars, one look each"
+_LOOKS = "real streets, development cars, 12 looks each"
+_YAW = (
+    ("yaw above 15 deg", 4.0, " %", "all: yaw above 15 deg %"),
+    ("yaw above 30 deg", 1.0, " %", "all: yaw above 30 deg %"),
+)
+_ERRORS = (
+    ("mean e_r", 3.2, " deg", "all: mean e_r deg"),
+    ("median e_r", 2.3, " deg", "all: median e_r deg"),
+    ("easy median e_r", 1.3, " deg", "easy: median e_r deg"),
+)
 _SMALL = "small vehicles, square-on"
 _NOTHING = "vehicle or nothing"
 _ROAD = "road-side cameras, 20 to 35 degrees down"
@@ -74,14 +84,12 @@ WANTED = (
         ("held_out", "all", "error_px"),
     ),
     *(
-        Wanted(Target(what, _STREETS, what, limit, unit=unit), "default", ("looks", key))
-        for what, limit, unit, key in (
-            ("yaw above 15 deg", 4.0, " %", "all: yaw above 15 deg %"),
-            ("yaw above 30 deg", 1.0, " %", "all: yaw above 30 deg %"),
-            ("mean e_r", 3.2, " deg", "all: mean e_r deg"),
-            ("median e_r", 2.3, " deg", "all: median e_r deg"),
-            ("easy median e_r", 1.3, " deg", "easy: median e_r deg"),
-        )
+        Wanted(Target(f"looks {key}", _LOOKS, what, limit, unit=unit), "default", ("looks", key))
+        for what, limit, unit, key in (*_YAW, *_ERRORS)
+    ),
+    *(
+        Wanted(Target(f"streets {key}", _STREETS, what, limit, unit=unit), "default", ("streets", key))
+        for what, limit, unit, key in _ERRORS
     ),
     Wanted(
         Target("turned", _SMALL, "turned round, and the viewing angle says so", 80.0, AT_LEAST, " %"),
