@@ -41,7 +41,12 @@ class KnowsAll:
         self.labels, self.windows = self.labels[n:], self.windows[n:]
         points = self.codec.crop_from_image(labels["keypoints"].astype(float), windows)
         classes = np.eye(len(CLASSES))[labels["kind"]]
-        return Detections.of(points, np.full(points.shape[:2], 0.5), np.full(points.shape[:2], 0.9), classes)
+        spread, peak = np.full(points.shape[:2], 0.5), np.full(points.shape[:2], 0.9)
+        angles = np.full((n, VIEWING_ANGLES), np.nan)
+        known = np.isfinite(labels["alpha"])
+        bins = np.rint(labels["alpha"][known] / (2.0 * np.pi / VIEWING_ANGLES)).astype(int)
+        angles[known] = np.eye(VIEWING_ANGLES)[bins % VIEWING_ANGLES]
+        return Detections.of(points, spread, peak, classes, np.ones(n), angles)
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +122,9 @@ def test_renders_are_those_wanted_and_true_keypoints_give_their_poses(tmp_path, 
     judged = judge(KnowsAll(seen.crops), seen)
     assert np.median(judged.rotation_error) < 5.0  # the class's mean shape, not the body's
     assert judged.numbers()["class_accuracy"] == 1.0
-    assert judged.turned()["turned_told"] is None
+    assert judged.turned()["turned_told"] is None  # none is turned
+    assert judged.turned()["right_told_turned"] == 0.0
+    np.testing.assert_array_equal(judged.other_half, 0.0)
     twice = renders.moved(seen, 2)
     assert sorted(np.concatenate(twice.rows)) == list(range(12))
     np.testing.assert_array_equal(twice.crops.labels["box"][:6], seen.crops.labels["box"])
@@ -207,7 +214,7 @@ def test_targets_name_what_is_stored(tmp_path):
     (tmp_path / page.PAGE).write_text("<!-- measured: begin --><!-- measured: end -->")
     page.write_page(tmp_path, found)
     text = (tmp_path / page.PAGE).read_text()
-    assert "| default | 1 / 90 | 1 / 90 | 1 / 90 | 1 / 90 |" in text
+    assert "| default |" + 5 * " 1 / 90 |" in text
     assert "| default | 1.5 | 3 |" in text
     assert (tmp_path / sweeps.FIGURE).exists()
     assert (tmp_path / reliability.FIGURE).exists()

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from groundpose._checks import input_error
 from groundpose.keypoints.network import Network
 from groundpose.lab.contenders.objects import Array, Objects
-from groundpose.lab.drive import Label, labels, scene, scene_seed
+from groundpose.lab.drive import labels, scene, scene_seed
+from groundpose.lab.evaluate.networks.renders import labelled
 from groundpose.lab.evaluate.simulated.box_noise import draw_boxes
 from groundpose.lab.evaluate.simulated.objects import WIDTH, Vehicles, counts, from_rows, row_of
 from groundpose.lab.evaluate.simulated.run import everybody
 from groundpose.lab.evaluate.simulated.run import measure as measured
-from groundpose.lab.training.crops import NOTHING, Crops, Records
+from groundpose.lab.training.crops import NOTHING, Crops
 from groundpose.lab.training.evaluate import answers
 from groundpose.vehicles import keypoint_indices, shape_model
 
@@ -73,22 +73,12 @@ def _truth(crops: Crops) -> tuple[Vehicles, np.ndarray]:
         for place in members:
             if crops.labels["kind"][place] == NOTHING:
                 continue
-            row = row_of(_labelled(seen, crops.labels[place]))
+            row = row_of(labelled(seen, crops.labels[place]))
             if counts(row):
                 rows.append(row)
                 places.append(place)
     assert camera is not None
     return from_rows(camera, rows), np.array(places)
-
-
-def _labelled(seen: dict[int, Label], crop: Records) -> Label:
-    """The label of the crop's vehicle."""
-    label = seen.get(int(crop["object"]))
-    if label is None or not np.allclose(label.bbox, crop["box"], atol=0.01):
-        raise input_error(
-            "crops", "vehicles of the drive of this version, seen by the camera 'car'", "others"
-        )
-    return label
 
 
 def _frames(crops: Crops) -> Iterator[tuple[int, list[int]]]:

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import groundpose as gp
-from groundpose._checks import FloatArray
+from groundpose._checks import FloatArray, input_error
 from groundpose.keypoints.codec import Codec
 from groundpose.lab.drive import Label, labels, scene, scene_seed
-from groundpose.lab.drive.rigs import CAMERA, Rig
-from groundpose.lab.training.crops import Crops, Sample, record, write_crops
+from groundpose.lab.drive.rigs import CAMERA, Range, Rig
+from groundpose.lab.training.crops import Crops, Records, Sample, record, write_crops
 
 SPLIT, SEED = "test", 0
 FRAME_STEP, FRAMES_PER_SHARD, MOST_FRAMES = 10, 10, 1000
@@ -84,8 +84,8 @@ class Wanted:
         )
 
 
-def _at_height(metres: float) -> Rig:
-    return Rig((metres, metres), (-35.0, -20.0), fov_deg=(70.0, 110.0), standing=True)
+def _at_height(metres: float, pitch_deg: Range = (-35.0, -20.0), fov_deg: Range = (50.0, 70.0)) -> Rig:
+    return Rig((metres, metres), pitch_deg, fov_deg=fov_deg, standing=True)
 
 
 def _zoomed(factor: float) -> Rig:
@@ -99,6 +99,7 @@ _KITTI = Rig(fov_deg=(81.4, 81.4), image_sizes=((1242, 375),))
 
 SMALL = "small, square-on"
 ROAD_SIDE = {f"{metres:g} m": Wanted(_at_height(metres)) for metres in (3.0, 6.0, 8.0)}
+ROAD_SIDE |= {"8 m, 20 deg": Wanted(_at_height(8.0, (-20.0, -20.0), Rig().fov_deg))}
 ROAD_SIDE |= {"1.5 m, level": Wanted(Rig((1.5, 1.5)))}
 FOCAL = {factor: Wanted(_zoomed(factor), 100) for factor in (0.5, 0.7, 1.0, 1.4, 2.0)}
 ROLL = {degrees: Wanted(Rig(roll_deg=(degrees, degrees)), 100) for degrees in (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)}
@@ -150,12 +151,24 @@ def with_truth(crops: Crops, rig: Rig) -> Renders:
         places = list(members)
         frame = scene(scene_seed(crops.index["seed"], SPLIT), number, rigs=((1.0, rig),))
         by_index = {label.index: label for label in labels(frame)}
-        found += [by_index[int(crops.labels["object"][i])] for i in places]
+        found += [labelled(by_index, crops.labels[i]) for i in places]
         views.append(frame.view)
         rows.append(np.array(places))
     R, location = np.array([label.R for label in found]), np.array([label.location for label in found])
     alpha = np.array([label.alpha for label in found])
     return Renders(crops, views, rows, R, alpha, np.arctan2(location[:, 0], location[:, 2]))
+
+
+def labelled(seen: dict[int, Label], crop: Records) -> Label:
+    """The label of a crop's vehicle among those of its frame, by index.
+
+    Raises:
+        InputError: the frame has another vehicle there: another camera or version of the drive drew the crop.
+    """
+    label = seen.get(int(crop["object"]))
+    if label is None or not np.allclose(label.bbox, crop["box"], atol=0.01):
+        raise input_error("crops", "the held-out drive of this version, seen by the same camera", "others")
+    return label
 
 
 def moved(seen: Renders, looks: int, noise: float = 0.03) -> Renders:
