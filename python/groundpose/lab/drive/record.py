@@ -25,8 +25,8 @@ TILT_COLUMNS = (
 def frame_line(scene: Scene, labels: Sequence[Label], drive: int, image: str | None) -> str:
     """The JSON line of a frame, see `formats.frames`.
 
-    The nominal tilt is that of the mount, zero for the rig "car"; the true tilt is in `_tilt`. The reader of frames skips members that begin with
-    `_`; docs/simulation.md lists them.
+    The nominal tilt is that of the mount, zero for the rig "car"; the true tilt is in `_tilt`. The reader of
+    frames skips members that begin with `_`; docs/simulation.md lists them.
     """
     camera = scene.camera
     record: dict[str, Any] = {

@@ -136,6 +136,6 @@ class Region:
 
     def below(self, row: float, roll: float) -> NDArray[np.bool_]:
         """(height, width) mask of everything below a row of the level image."""
-        rows: FloatArray = self.top + (np.arange(self.height) + 0.5) / self.scale
-        columns: FloatArray = self.left + (np.arange(self.width) + 0.5) / self.scale
-        return below(roll, columns, rows[:, None]) > row
+        rows = np.asarray(self.top + (np.arange(self.height) + 0.5) / self.scale, np.float64)
+        columns = np.asarray(self.left + (np.arange(self.width) + 0.5) / self.scale, np.float64)
+        return np.asarray(below(roll, columns, rows[:, None]) > row)
