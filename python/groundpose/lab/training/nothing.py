@@ -52,8 +52,8 @@ KINDS = (
     Kind("empty place", 0.15, emptied),
     Kind("pattern", 0.15, None),
 )
-"""A frame without such a place gives a pattern instead."""
-_PATTERN = len(KINDS) - 1
+"""A frame without such a place gives a box anywhere, and one full of vehicles a pattern."""
+_ANYWHERE, _PATTERN = 0, len(KINDS) - 1
 
 
 def nothing_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
@@ -73,6 +73,8 @@ def nothing_of(frame: Scene, count: int, codec: Codec) -> Iterator[Sample]:
     for i, row in enumerate(sorted(kinds.tolist())):
         choose = KINDS[row].choose
         place = choose(rng, view) if choose else None
+        if choose and place is None:
+            row, place = _ANYWHERE, anywhere(rng, view)
         yield _painted(rng, frame, codec) if place is None else _drawn(place, row, i, codec)
 
 

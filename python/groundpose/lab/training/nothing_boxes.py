@@ -2,8 +2,8 @@
 
 A box holds none when every vehicle of the scene, labelled or not, hidden or not, covers at most
 `MOST_COVERED` of it. Pieces of vehicles are nothing too: a box within one vehicle that is at most
-`LARGEST_PIECE` of the vehicle's box, if the crop of a network shows at most `MOST_SHOWN` of the vehicle around
-it (a crop is wider than a narrow box). Vehicles used for training show at least 0.4 of their box
+`LARGEST_PIECE` of the vehicle's box, if the crop of a network shows at most `MOST_SHOWN` of the vehicle
+around it (a crop is wider than a narrow box). Vehicles used for training show at least 0.4 of their box
 (`rendered.MOST_CUT`). Boxes between the two are in neither set, because either answer would be right.
 """
 
@@ -22,7 +22,7 @@ from groundpose.lab.drive.solids import prop_corners
 from groundpose.lab.drive.visibility import clipped, look
 
 MOST_COVERED = 0.03
-LARGEST_PIECE, SMALLEST_PIECE, MOST_SHOWN = 0.25, 0.03, 0.4
+LARGEST_PIECE, SMALLEST_PIECE, MOST_SHOWN = 0.18, 0.03, 0.28
 LEAST_HEIGHT, MOST_HEIGHT = 18.0, 400.0
 LEAST_ASPECT, MOST_ASPECT = 0.5, 3.0
 _TRIES = 30
