@@ -3,6 +3,7 @@
 #   make test    all tests, lints, type checks and documentation examples
 # `make test-kernels` repeats the tests of numbers on other BLAS kernels and vector units of NumPy.
 # `make test-train` adds the tests of training and export (PyTorch, several GB).
+# `make train-gpu` renders crops and trains the networks of a release on a machine with a GPU.
 # `make docs` builds the documentation site.
 # `make results` measures again what docs/results.md says (half an hour on a quiet machine),
 # `make bench` what docs/performance.md says (a quarter of an hour), `make bench-compare` whether anything got slower.
@@ -18,7 +19,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src -name '*.r
 # boards without an operating system on which the crate is tried, where the toolchain and QEMU are there
 BARE_METAL := thumbv7em-none-eabihf aarch64-unknown-none
 
-.PHONY: demo test test-rust test-python test-kernels test-train lint docs results bench bench-compare package wheel clean
+.PHONY: demo test test-rust test-python test-kernels test-train train-gpu lint docs results bench bench-compare package wheel clean
 
 demo: $(VENV)/installed
 	$(BIN)/groundpose demo
@@ -65,6 +66,13 @@ test-kernels: $(VENV)/installed-dev
 test-train: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[train]'
 	$(BIN)/pytest --quiet tests/python/test_training.py tests/python/test_training_streets.py tests/python/test_networks_measured.py
+
+# the networks of a release on a machine with a GPU: one rendering, then one training each
+train-gpu: $(VENV)/installed-dev
+	$(BIN)/pip install --quiet --editable '.[train]'
+	$(BIN)/groundpose train lite48 --device cuda --render --minutes 9.5 --data data/crops -o runs/lite48
+	$(BIN)/groundpose train lite32 --device cuda --fit-minutes 4 --data data/crops -o runs/lite32
+	$(BIN)/groundpose train res10-128x96-paper --device cuda --fit-minutes 8 --data data/crops -o runs/res10-128x96
 
 # the documentation site in target/site: notebooks are run, a broken link or any other warning fails
 docs: $(VENV)/installed

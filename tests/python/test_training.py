@@ -27,6 +27,7 @@ from groundpose.lab.training import (  # noqa: E402
     loop,
     networks,
     release,
+    sizes,
     weights,
 )
 from groundpose.lab.training.batches import Batcher  # noqa: E402
@@ -539,3 +540,14 @@ def test_rendering_and_training_end_in_time(tmp_path):
     shards = len(list(tmp_path.glob("*-labels.npy")))
     assert in_time.render(plan) == pytest.approx(left, abs=0.02)
     assert len(list(tmp_path.glob("*-labels.npy"))) == shards
+
+
+def test_sizes_are_compared_with_the_prior_of_the_class():
+    rng = np.random.default_rng(0)
+    truth = rng.normal([1.4, 0.4, 0.5], 0.1, (200, 3))
+    mean, sigma = np.tile([1.5, 0.4, 0.5], (200, 1)), np.full((200, 3), 0.05)
+    told = sizes.compared(truth + rng.normal(0.0, 0.05, truth.shape), sigma, mean, truth)
+    assert told["length: stated, rms %"] == pytest.approx(5.0, rel=0.15)
+    assert told["length: class, bias %"] == pytest.approx(10.0, abs=2.0)
+    assert told["height: class, rms %"] == pytest.approx(10.0, rel=0.15)
+    assert told["width: correlation"] > 0.8

@@ -101,7 +101,7 @@ def _street(folder: Path, path: Path, types: tuple[str, ...], pitch: float) -> S
     image = as_rgb(folder / "image_2" / f"{path.stem}.png")
     size = (image.shape[1], image.shape[0])
     camera = gp.Camera.from_kitti(folder / "calib" / path.name, image_size=size)
-    rows = [label for label in read_labels(path) if label.type in types and _judged(label)]
+    rows = [label for label in read_labels(path) if label.type in types and is_judged(label)]
     angles = np.array([row.rotation_y for row in rows])
     return Street(
         path.stem,
@@ -114,7 +114,8 @@ def _street(folder: Path, path: Path, types: tuple[str, ...], pitch: float) -> S
     )
 
 
-def _judged(label: KittiLabel) -> bool:
+def is_judged(label: KittiLabel) -> bool:
+    """Whether a vehicle is large and visible enough to be evaluated."""
     seen = label.truncated <= MAX_TRUNCATION and label.occluded <= MAX_OCCLUSION
     return seen and _height(label) >= MIN_HEIGHT
 
