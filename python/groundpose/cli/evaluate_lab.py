@@ -67,17 +67,20 @@ def networks(
     crops: Annotated[Path, typer.Option(help="Folder of crops with a test split.")] = Path("data/crops"),
     seed: Annotated[int, typer.Option(min=0, help="Seed of detected boxes.")] = 0,
     fresh: Annotated[bool, typer.Option("--fresh", help="Measure everything again.")] = False,
+    only: Annotated[str, typer.Option(metavar="PART,...", help="Some parts; the others are kept.")] = "",
 ) -> None:
     """Accuracy and cost of keypoint networks, for docs/model.md (extra train).
 
     [bold]Examples[/bold]
 
       groundpose evaluate networks default=python/groundpose/keypoints/models/default.onnx
+
+      groundpose evaluate networks default=default.onnx --crops data/crops --only streets,road-side
     """
     from groundpose.lab.evaluate.networks.measure import measure
 
     with mistakes():
-        out = measure(Path(), network or [], crops, seed, fresh, typer.echo)
+        out = measure(Path(), network or [], crops, seed, fresh, typer.echo, only)
         typer.echo(f"Numbers: {out.resolve()}")
 
 

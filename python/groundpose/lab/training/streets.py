@@ -30,7 +30,7 @@ from groundpose.lab.metrics import rotation_error_deg
 MIN_HEIGHT, MAX_TRUNCATION, MAX_OCCLUSION = 25.0, 0.15, 1
 """Limits of the evaluated vehicles: height of the box in pixels, KITTI's truncation and occlusion."""
 EASY_HEIGHT = 40.0
-_FAR_OFF_DEG = 30.0
+_FAR_OFF_DEG = (15.0, 30.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,8 @@ def summary(judged: list[Judged]) -> dict[str, float]:
         numbers[f"{name}: vehicles"] = int(chosen.sum())
         numbers[f"{name}: median e_r deg"] = float(np.median(rotation[chosen]))
         numbers[f"{name}: mean e_r deg"] = float(np.mean(rotation[chosen]))
-        numbers[f"{name}: yaw above 30 deg %"] = float(100 * np.mean(yaw[chosen] > _FAR_OFF_DEG))
+        for limit in _FAR_OFF_DEG:
+            numbers[f"{name}: yaw above {limit:g} deg %"] = float(100 * np.mean(yaw[chosen] > limit))
         numbers[f"{name}: class right %"] = float(100 * np.mean(right[chosen]))
     return numbers
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from groundpose.lab.evaluate.networks import reliability, sweeps
+from groundpose.lab.evaluate.networks.robust_tables import robust_tables
+from groundpose.lab.evaluate.networks.targets import target_table
 from groundpose.lab.evaluate.report import MARKS, read_json, table
 
 RESULTS, PAGE = Path("results/networks.json"), Path("docs/model.md")
@@ -44,7 +47,7 @@ def write_stored(root: Path) -> Path | None:
 
 
 def write_page(root: Path, found: dict[str, Any]) -> Path | None:
-    """Put the tables between the marks of the page; None when there is no page."""
+    """Put the tables between the marks of the page, and draw its figures; None when there is no page."""
     path = root / PAGE
     if not path.exists():
         return None
@@ -52,31 +55,39 @@ def write_page(root: Path, found: dict[str, Any]) -> Path | None:
     before, _, rest = path.read_text("utf-8").partition(begin)
     _, _, after = rest.partition(end)
     path.write_text(f"{before}{begin}\n{tables(found)}\n{end}{after}", "utf-8")
+    trained = found.get("trained", {})
+    for figure in (sweeps, reliability):
+        figure.draw(root, trained)
     return path
 
 
 def tables(found: dict[str, Any]) -> str:
     """All of them."""
     parts = [
+        "### Targets",
+        table(target_table(found)),
         "### Held-out drive (the paper's Table 1)",
         table(_accuracy(found)),
         "### Cost",
         table(_costs(found)),
     ]
-    if trained := found.get("trained"):
-        parts += ["### Real streets, development frames", table(_streets(trained))]
-        if any("nothing" in one for one in trained.values()):
-            parts += ["### Nothing there", NOTHING, table(_nothing(trained))]
-        parts += ["### Poses from held-out pictures (G1, G2)", ERRORS]
-        parts += [table(_poses(trained))]
-        parts += ["### Milliseconds", TIMES, table(_times(trained))]
+    trained = found.get("trained", {})
+    for title, words, lines in (
+        ("Real streets, development frames", "", _streets(trained)),
+        *robust_tables(trained),
+        ("Nothing there", NOTHING, _nothing(trained)),
+        ("Poses from held-out pictures (G1, G2)", ERRORS, _poses(trained)),
+        ("Milliseconds", TIMES, _times(trained)),
+    ):
+        if lines:
+            parts += [f"### {title}", *filter(None, [words]), table(lines)]
     return "\n\n".join(parts)
 
 
 def _accuracy(found: dict[str, Any]) -> list[dict[str, Any]]:
     lines: list[dict[str, Any]] = []
     for name, one in found.get("trained", {}).items():
-        for group, m in one["held_out"].items():
+        for group, m in one.get("held_out", {}).items():
             lines.append({
                 "network": name,
                 "vehicles": f"{group}: {m['crops']:.0f}",
@@ -130,7 +141,7 @@ def _nothing(trained: dict[str, Any]) -> list[dict[str, Any]]:
 def _poses(trained: dict[str, Any]) -> list[dict[str, Any]]:
     lines = []
     for name, one in trained.items():
-        for setting, methods in one["poses"].items():
+        for setting, methods in one.get("poses", {}).items():
             found = {shown: methods[stored] for shown, stored in _METHODS if stored in methods}
             if found:
                 count = next(iter(found.values()))["trials"]
@@ -145,5 +156,7 @@ def _errors(m: dict[str, Any]) -> str:
 
 def _times(trained: dict[str, Any]) -> list[dict[str, Any]]:
     return [
-        {"file": name, "MB": one["mb"], **one["crop_ms"], **one["object_ms"]} for name, one in trained.items()
+        {"file": name, "MB": one["mb"], **one["crop_ms"], **one["object_ms"]}
+        for name, one in trained.items()
+        if "crop_ms" in one
     ]

@@ -11,11 +11,12 @@ import numpy as np
 from groundpose.keypoints.network import Network
 from groundpose.lab.contenders.objects import Array, Objects
 from groundpose.lab.drive import labels, scene, scene_seed
+from groundpose.lab.evaluate.networks.renders import labelled
 from groundpose.lab.evaluate.simulated.box_noise import draw_boxes
 from groundpose.lab.evaluate.simulated.objects import WIDTH, Vehicles, counts, from_rows, row_of
 from groundpose.lab.evaluate.simulated.run import everybody
 from groundpose.lab.evaluate.simulated.run import measure as measured
-from groundpose.lab.training.crops import Crops
+from groundpose.lab.training.crops import NOTHING, Crops
 from groundpose.lab.training.evaluate import answers
 from groundpose.vehicles import keypoint_indices, shape_model
 
@@ -70,7 +71,9 @@ def _truth(crops: Crops) -> tuple[Vehicles, np.ndarray]:
         camera = frame.camera
         seen = {label.index: label for label in labels(frame)}
         for place in members:
-            row = row_of(seen[int(crops.labels["object"][place])])
+            if crops.labels["kind"][place] == NOTHING:
+                continue
+            row = row_of(labelled(seen, crops.labels[place]))
             if counts(row):
                 rows.append(row)
                 places.append(place)
