@@ -58,7 +58,13 @@ def crops(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the drive.")] = 0,
     first: Annotated[int, typer.Option(min=0, help="First frame; a multiple of the frames per shard.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Processes that draw.")] = 1,
-    toy: Annotated[bool, typer.Option(help="Painted substitutes instead of the drive.")] = False,
+    source: Annotated[
+        str,
+        typer.Option(
+            help="mixed: cameras of all kinds and places without a vehicle; car: the vehicles that one car "
+            "sees; toy: painted substitutes."
+        ),
+    ] = "mixed",
     large: Annotated[
         bool, typer.Option(help="Twice the width and height, for networks of 256 x 192.")
     ] = False,
@@ -84,14 +90,15 @@ def crops(
 
       groundpose crops data/crops --frames 3000 --split validation
 
+      groundpose crops data/held_out --frames 1000 --split test --source car
+
       groundpose crops data/own --from-coco labels.json --keypoints names.json
     """
     with mistakes(), _extra():
         from groundpose.lab.drive import SPLITS
         from groundpose.lab.drive.render.device import choose
         from groundpose.lab.training.crops import STORED, write_crops
-        from groundpose.lab.training.mixed import drive_samples
-        from groundpose.lab.training.toy import toy_samples
+        from groundpose.lab.training.sources import source_named
 
         if split not in (None, *SPLITS):
             raise TypeError(f"--split: expected one of {', '.join(SPLITS)}, got {split!r}")
@@ -105,7 +112,7 @@ def crops(
         if keypoints is not None or images is not None:
             raise TypeError("--keypoints, --images: expected --from-coco with them, got none")
         split = split or "train"
-        source = toy_samples if toy else drive_samples
+        samples = source_named(source)
         with _bar() as bar:
             task = bar.add_task(f"{split} shards", total=None)
 
@@ -113,7 +120,7 @@ def crops(
                 bar.update(task, completed=done, total=total)
 
             write_crops(
-                out, source, split, frames, seed=seed, first=first, codec=codec, jobs=jobs, advance=advance
+                out, samples, split, frames, seed=seed, first=first, codec=codec, jobs=jobs, advance=advance
             )
     typer.echo(f"Crops: {out.resolve()}")
 
@@ -307,10 +314,12 @@ def _train(trainer: Trainer, minutes: float | None) -> bool:
 
 def _render(data: Path, minutes: float, jobs: int | None, device: str) -> float:
     """Render crops in a part of the time; the minutes left."""
+    from groundpose.lab.drive.render.device import choose
     from groundpose.lab.training.device import cores
     from groundpose.lab.training.in_time import Plan, render
     from groundpose.lab.training.mixed import drive_samples
 
+    choose(device)
     with _bar() as bar:
         task = bar.add_task("rendering", total=None)
 
