@@ -312,6 +312,16 @@ def test_weights_are_kept_in_small_files(tmp_path, data, monkeypatch):
         weights.load_into(begun.network, {})
 
 
+def test_weights_of_a_release_are_found_by_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(weights, "RELEASED", "kept")
+    with pytest.raises(gp.InputError, match="expected the release's weights in kept/default of the current"):
+        weights.initial_folder("default")
+    (tmp_path / "kept" / "default").mkdir(parents=True)
+    assert weights.initial_folder("default").resolve() == tmp_path / "kept" / "default"
+    assert weights.initial_folder("runs/a").name == "a"
+
+
 def test_a_run_may_be_fitted_into_a_time(tmp_path, data):
     config = configs.changed(SMALL, epochs=1e6)
     trainer = loop.Trainer(config, data, tmp_path / "run", fit_minutes=0.15)

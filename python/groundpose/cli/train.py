@@ -141,7 +141,11 @@ def train(
         float | None, typer.Option(help="Stop after this time; the same command goes on.")
     ] = None,
     initial: Annotated[
-        Path | None, typer.Option(help="Start from the weights of this run of the same network.")
+        str | None,
+        typer.Option(
+            help="Start from these weights of the same network: the folder of a run, or the name of a "
+            "bundled network."
+        ),
     ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads for training on a CPU.")] = 1,
     workers: Annotated[int, typer.Option(min=0, help="Threads that prepare batches.")] = 1,
@@ -176,7 +180,7 @@ def train(
 
       groundpose train lite32 --data data/crops --set epochs=40 --set seed=1 --threads 2
 
-      groundpose train lite32 --initial runs/lite32 -o runs/lite32_longer
+      groundpose train lite48 --initial default --data data/own -o runs/own --set epochs=5
     """
     with mistakes(), _extra():
         from groundpose.lab.training.configs import CONFIGS, NETWORKS, changed, train_config
@@ -199,6 +203,7 @@ def train(
 
         from groundpose.lab.training.device import device as device_named
         from groundpose.lab.training.loop import Trainer
+        from groundpose.lab.training.weights import initial_folder
 
         torch.set_num_threads(threads)
         trainer = Trainer(
@@ -206,7 +211,7 @@ def train(
             data,
             folder,
             workers=workers,
-            initial=initial,
+            initial=None if initial is None else initial_folder(initial),
             device=device_named(device),
             fit_minutes=fit,
         )

@@ -16,14 +16,37 @@ import torch
 from torch import Tensor
 
 from groundpose._checks import input_error
+from groundpose.keypoints.network import BUNDLED
 from groundpose.lab.training.networks import KeypointNetwork
 
 CHECKPOINT = "checkpoint.pt"
+RELEASED = "weights"
+"""Folder of the repository with the weights of bundled networks."""
 _LARGEST = 15_000_000  # bytes of arrays in a file
 _ABOUT = "about"
 _NEW = "extras."
 """Parts of the network that another network's weights may lack."""
 _NOTHING_BEFORE = {"steps": 0, "seconds": 0.0}
+
+
+def initial_folder(name: str) -> Path:
+    """The folder of a run or of kept weights; or of the weights of a bundled network, by its name.
+
+    The weights of releases are not part of the installed package: they lie in `weights/NAME` of the
+    repository, and beside the files of each release.
+
+    Raises:
+        InputError: a bundled network whose weights are not here.
+    """
+    if name not in BUNDLED:
+        return Path(name)
+    places = [folder / RELEASED / name for folder in (Path(), *Path(__file__).resolve().parents)]
+    for place in places:
+        if place.is_dir():
+            return place
+    raise input_error(
+        f"initial {name!r}", f"the release's weights in {RELEASED}/{name} of the current folder", "none"
+    )
 
 
 def write_weights(folder: Path, content: dict[str, Any]) -> list[Path]:
