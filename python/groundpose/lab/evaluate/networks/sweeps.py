@@ -50,9 +50,9 @@ def draw(root: Path, trained: dict[str, Any]) -> None:
             axes.grid(visible=True, linewidth=0.4, alpha=0.5)
             if row == 1:
                 axes.set_xlabel(label)
-                axes.set_ylim(top=101.0)
-            else:
-                axes.set_ylim(bottom=0.0)
             axes.set_xticks(points, [f"{x:g}" for x in points])
+    # after all curves: a limit ends the scaling of the axes that share it
+    grid[0][0].set_ylim(bottom=0.0)
+    grid[1][0].set_ylim(min(90.0, grid[1][0].get_ylim()[0]), 101.0)
     grid[0][0].legend(fontsize=8)
     figure.savefig(root / FIGURE, dpi=90, metadata={"Software": None})

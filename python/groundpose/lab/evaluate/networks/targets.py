@@ -46,8 +46,8 @@ _ERRORS = (
 _SMALL = "small vehicles, square-on"
 _NOTHING = "vehicle or nothing"
 _ROAD = "road-side cameras, 20 to 35 degrees down"
-_LEVEL, _LEVEL_BEFORE = "1.5 m, level", 0.841
-# the second: of the network before there were other cameras, on the same vehicles; others must cost nothing
+_LEVEL, _LEVEL_BEFORE = "1.5 m, level", 0.85
+# the second, rounded up: what a network reached that knew the drive's own camera only, on these vehicles
 _SWEEPS = "sweeps: worst point / that of the drive's camera"
 _TIMES = "cost"
 _GPU = "a GPU"
