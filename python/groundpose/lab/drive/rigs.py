@@ -112,7 +112,7 @@ RIGS: dict[str, Rigs] = {
     "assistance": ((1.0, _ASSISTANCE),),
     "truck": ((1.0, _TRUCK),),
     "mast": ((1.0, _ROAD_SIDE),),
-    "mixed": ((0.2, _CAR), (0.3, _ASSISTANCE), (0.2, _TRUCK), (0.3, _ROAD_SIDE)),
+    "mixed": ((0.2, _CAR), (0.5, _ASSISTANCE), (0.15, _TRUCK), (0.15, _ROAD_SIDE)),
 }
 """Rigs by name. "car": the camera of one car, level but for its motion. "mixed": all kinds, for training."""
 
