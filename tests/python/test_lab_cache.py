@@ -1,5 +1,8 @@
 """The cache on disk gives back what was made, whatever lies there; the drawing device is chosen by name."""
 
+import os
+import time
+
 import numpy as np
 import pytest
 from groundpose.lab.drive import body_cache, cache, solids
@@ -47,6 +50,35 @@ def test_an_entry_with_other_arrays_is_made_anew(folder):
 def test_a_folder_that_cannot_be_written_is_not_used(folder):
     (folder / "x").write_text("a file where the folder should be")
     assert [entry(1.0), entry(2.0)] == [1.0, 2.0]
+
+
+def test_versions_that_were_not_used_for_a_month_are_removed(folder):
+    def kept() -> set[str]:
+        return {place.name for place in folder.iterdir()}
+
+    def versions(**days: float) -> None:
+        for name, unused in days.items():
+            (folder / f"x-{name}" / "inside").mkdir(parents=True, exist_ok=True)
+            os.utime(folder / f"x-{name}", 2 * (time.time() - 86400 * unused,))
+
+    versions(now=100, recent=29, old=31, older=400)
+    (folder / "x-old.removed17").mkdir()  # left by a process that was stopped
+    os.utime(folder / "x-old.removed17", 2 * (time.time() - 86400 * 31,))
+    (folder / "y-old").mkdir()
+    os.utime(folder / "y-old", (0, 0))
+    cache.version_folder.cache_clear()
+    assert cache.version_folder("x", "now") == "x-now"
+    assert kept() == {"x-now", "x-recent", "y-old"}
+    assert time.time() - (folder / "x-now").stat().st_mtime < 60.0
+    cache.version_folder.cache_clear()
+
+
+def test_several_processes_remove_the_same_version(folder):
+    places = [folder / "x-old", folder / "x-old"]
+    places[0].mkdir()
+    for place in places:  # the second finds it gone
+        cache._remove(place)
+    assert not any(folder.iterdir())
 
 
 def test_no_temporary_file_stays(folder):

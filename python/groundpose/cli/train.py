@@ -90,7 +90,7 @@ def crops(
         from groundpose.lab.drive import SPLITS
         from groundpose.lab.drive.render.device import choose
         from groundpose.lab.training.crops import STORED, write_crops
-        from groundpose.lab.training.mixed import drive_samples
+        from groundpose.lab.training.mixed import DriveSamples
         from groundpose.lab.training.toy import toy_samples
 
         if split not in (None, *SPLITS):
@@ -105,7 +105,7 @@ def crops(
         if keypoints is not None or images is not None:
             raise TypeError("--keypoints, --images: expected --from-coco with them, got none")
         split = split or "train"
-        source = toy_samples if toy else drive_samples
+        source = toy_samples if toy else DriveSamples()
         with _bar() as bar:
             task = bar.add_task(f"{split} shards", total=None)
 
@@ -309,7 +309,7 @@ def _render(data: Path, minutes: float, jobs: int | None, device: str) -> float:
     """Render crops in a part of the time; the minutes left."""
     from groundpose.lab.training.device import cores
     from groundpose.lab.training.in_time import Plan, render
-    from groundpose.lab.training.mixed import drive_samples
+    from groundpose.lab.training.mixed import DriveSamples
 
     with _bar() as bar:
         task = bar.add_task("rendering", total=None)
@@ -317,7 +317,7 @@ def _render(data: Path, minutes: float, jobs: int | None, device: str) -> float:
         def advance(split: str, shards: int) -> None:
             bar.update(task, completed=shards, description=f"rendering, shards of {split}")
 
-        return render(Plan(data, drive_samples, minutes, jobs or cores()), advance)
+        return render(Plan(data, DriveSamples(), minutes, jobs or cores()), advance)
 
 
 def _toy_crops(folder: Path) -> Path:

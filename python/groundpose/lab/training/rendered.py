@@ -33,9 +33,11 @@ def rendered_samples(seed: int, split: str, first: int, count: int, codec: Codec
         yield from vehicle_samples(frame, codec)
 
 
-def drawn_frames(seed: int, split: str, first: int, count: int, rigs: Rigs) -> Iterator[Scene]:
-    """The `count` frames from the `first`-th of those that are drawn."""
-    for number in range(first * FRAME_STEP, (first + count) * FRAME_STEP, FRAME_STEP):
+def drawn_frames(
+    seed: int, split: str, first: int, count: int, rigs: Rigs, step: int = FRAME_STEP
+) -> Iterator[Scene]:
+    """The `count` frames from the `first`-th of those that are drawn, one in `step`."""
+    for number in range(first * step, (first + count) * step, step):
         yield scene(scene_seed(seed, split), number, rigs=rigs)
 
 
