@@ -11,8 +11,8 @@ from groundpose.vehicles import CLASSES, flip_indices, keypoint_indices, keypoin
 
 STYLED = [(class_name, style) for class_name in CLASSES for style in STYLES[class_name]]
 SEEDS = (0, 3)
-# A wheel that leaves no place for a tail lamp or a strip behind it, too many triangles, mirrors before the front
-# of a bus, a roof unit behind the rear of a short one.
+# Seeds that were once wrong: no place for a tail lamp or a strip behind a wheel, too many triangles, mirrors far
+# before the front of a bus, a roof unit behind the rear of a short one.
 ONCE_UNSOUND = {
     "city_car": (1052, 1088),
     "mpv": (1038,),
@@ -165,7 +165,8 @@ def test_some_roofs_carry_things_that_box_and_keypoints_leave_out(monkeypatch: p
             assert np.abs(thing[:, 0]).max() < 0.5 * b.size[2]
             # It stands on the roof: its foot is neither above nor far below it.
             lowest = thing[thing[:, 1].argmax()]
-            above = plain.vertices[np.hypot(*(plain.vertices - lowest)[:, [0, 2]].T) < 0.5][:, 1].min()
+            shells = plain.vertices[plain.faces[plain.parts < 2]].reshape(-1, 3)  # not an antenna
+            above = shells[np.hypot(*(shells - lowest)[:, [0, 2]].T) < 0.5][:, 1].min()
             assert -0.02 < lowest[1] - above < 0.25, (style, name)
 
 

@@ -13,7 +13,7 @@ from groundpose.keypoints.codec import Codec
 from groundpose.lab import bodies, drive
 from groundpose.lab.drive.cache import fingerprint
 from groundpose.lab.drive.rigs import RIGS
-from groundpose.lab.training import nothing, nothing_boxes, rendered
+from groundpose.lab.training import nothing, nothing_boxes, nothing_patterns, rendered
 from groundpose.lab.training.crops import Sample
 
 NOTHING_PER_VEHICLE = 0.25
@@ -22,7 +22,8 @@ NOTHING_PER_VEHICLE = 0.25
 _SOURCES = (
     Path(bodies.__file__).parent,
     Path(drive.__file__).parent,
-    *(Path(file) for file in (__file__, nothing.__file__, nothing_boxes.__file__, rendered.__file__)),
+    Path(__file__),
+    *(Path(str(module.__file__)) for module in (nothing, nothing_boxes, nothing_patterns, rendered)),
 )
 
 
