@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from groundpose.lab.drive import body_cache, cache, solids
-from groundpose.lab.drive.render import device, meshes
+from groundpose.lab.drive.render import device, levels
 
 KEYS = frozenset(("a",))
 
@@ -100,11 +100,11 @@ def test_a_body_from_the_disk_is_the_body_made(folder):
     def known():
         for kept in (body_cache.body, body_cache.measures, body_cache.length_and_width, solids.solid):
             kept.cache_clear()
-        levels = body_cache.of_body(
-            "levels", "car", 7, meshes._keys(meshes._COARSE) | {"box"}, lambda: meshes._coarse(made)
+        drawn = body_cache.of_body(
+            "levels", "car", 7, levels.keys(levels.COARSE) | {"box"}, lambda: levels.coarse_levels(made)
         )
         solid = solids.solid("car", 7)
-        flat = [vars(solid.body), {k: v for k, v in vars(solid).items() if k != "body"}, levels]
+        flat = [vars(solid.body), {k: v for k, v in vars(solid).items() if k != "body"}, drawn]
         return flat, body_cache.length_and_width("car", 7)
 
     made = body_cache.body("car", 7)
@@ -121,8 +121,8 @@ def test_a_body_from_the_disk_is_the_body_made(folder):
 
 def test_kept_levels_are_those_of_the_mesh():
     made = body_cache.body("pickup", 3)
-    kept = meshes._unpacked(meshes._coarse(made), meshes._COARSE)
-    for some, level in zip(kept, meshes.vehicle_levels(made)[1:], strict=True):
+    kept = levels.unpacked(levels.coarse_levels(made), levels.COARSE)
+    for some, level in zip(kept, levels.vehicle_levels(made)[1:], strict=True):
         for a, b in zip(some, level, strict=True):
             np.testing.assert_array_equal(a, b)
 

@@ -11,8 +11,8 @@ from groundpose.vehicles import CLASSES, flip_indices, keypoint_indices, keypoin
 
 STYLED = [(class_name, style) for class_name in CLASSES for style in STYLES[class_name]]
 SEEDS = (0, 3)
-# Seeds that were once wrong: no place for a tail lamp or a strip behind a wheel, too many triangles, mirrors far
-# before the front of a bus, a roof unit behind the rear of a short one.
+# Seeds that were once wrong: no place for a tail lamp or a strip behind a wheel, too many triangles, mirrors
+# far before the front of a bus, a roof unit behind the rear of a short one.
 ONCE_UNSOUND = {
     "city_car": (1052, 1088),
     "mpv": (1038,),

@@ -21,7 +21,7 @@ _HERE = Path(__file__).parent
 _SOURCES = (
     Path(bodies.__file__).parent,
     Path(keypoints.__file__),
-    *(_HERE / name for name in ("body_cache.py", "solids.py", "silhouette.py", "render/meshes.py")),
+    *(_HERE / name for name in ("body_cache.py", "solids.py", "silhouette.py", "render/levels.py")),
 )
 
 

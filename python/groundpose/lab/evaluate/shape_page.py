@@ -25,12 +25,12 @@ BODIES_TEXT = """\
 ## Bodies
 
 Every component of a procedural body is closed and faces outward; windows are glass with seats behind
-them; a body has at most 15,000 triangles, without people and roof rails where these would be too many. It
-belongs to a region (Europe, North America, China, Japan, elsewhere), which decides what styles are common and how
-large they are, and to an age between 1990 and today: old vehicles are shorter, lower and narrower.
-Fractions and sizes are estimates in tables (`lab/bodies/regions.py`, `dimensions.py`). Means over ten
-bodies per style. For comparison KITTI's labels, length / height / width: car 3.89 / 1.51 / 1.62, van 4.92
-/ 2.14 / 1.90, truck 9.35 / 3.32 / 2.53 m."""
+them; a body has at most 15,000 triangles, without people and roof rails where these would be too many.
+It belongs to a region (Europe, North America, China, Japan, elsewhere), which decides what styles are
+common and how large they are, and to an age between 1990 and today: old vehicles are shorter, lower and
+narrower. Fractions and sizes are estimates in tables (`lab/bodies/regions.py`, `dimensions.py`). Means
+over ten bodies per style. For comparison KITTI's labels, length / height / width: car 3.89 / 1.51 /
+1.62, van 4.92 / 2.14 / 1.90, truck 9.35 / 3.32 / 2.53 m."""
 KEYPOINTS_TEXT = """\
 ## Keypoints
 
