@@ -1,9 +1,12 @@
 """The cache on disk gives back what was made, whatever lies there; the drawing device is chosen by name."""
 
+import os
+import time
+
 import numpy as np
 import pytest
 from groundpose.lab.drive import body_cache, cache, solids
-from groundpose.lab.drive.render import device, meshes
+from groundpose.lab.drive.render import device, levels
 
 KEYS = frozenset(("a",))
 
@@ -49,6 +52,35 @@ def test_a_folder_that_cannot_be_written_is_not_used(folder):
     assert [entry(1.0), entry(2.0)] == [1.0, 2.0]
 
 
+def test_versions_that_were_not_used_for_a_month_are_removed(folder):
+    def kept() -> set[str]:
+        return {place.name for place in folder.iterdir()}
+
+    def versions(**days: float) -> None:
+        for name, unused in days.items():
+            (folder / f"x-{name}" / "inside").mkdir(parents=True, exist_ok=True)
+            os.utime(folder / f"x-{name}", 2 * (time.time() - 86400 * unused,))
+
+    versions(now=100, recent=29, old=31, older=400)
+    (folder / "x-old.removed17").mkdir()  # left by a process that was stopped
+    os.utime(folder / "x-old.removed17", 2 * (time.time() - 86400 * 31,))
+    (folder / "y-old").mkdir()
+    os.utime(folder / "y-old", (0, 0))
+    cache.version_folder.cache_clear()
+    assert cache.version_folder("x", "now") == "x-now"
+    assert kept() == {"x-now", "x-recent", "y-old"}
+    assert time.time() - (folder / "x-now").stat().st_mtime < 60.0
+    cache.version_folder.cache_clear()
+
+
+def test_several_processes_remove_the_same_version(folder):
+    places = [folder / "x-old", folder / "x-old"]
+    places[0].mkdir()
+    for place in places:  # the second finds it gone
+        cache._remove(place)
+    assert not any(folder.iterdir())
+
+
 def test_no_temporary_file_stays(folder):
     entry(1.0)
     assert [file.name for file in folder.rglob("*") if file.is_file()] == ["one.npz"]
@@ -68,11 +100,11 @@ def test_a_body_from_the_disk_is_the_body_made(folder):
     def known():
         for kept in (body_cache.body, body_cache.measures, body_cache.length_and_width, solids.solid):
             kept.cache_clear()
-        levels = body_cache.of_body(
-            "levels", "car", 7, meshes._keys(meshes._COARSE) | {"box"}, lambda: meshes._coarse(made)
+        drawn = body_cache.of_body(
+            "levels", "car", 7, levels.keys(levels.COARSE) | {"box"}, lambda: levels.coarse_levels(made)
         )
         solid = solids.solid("car", 7)
-        flat = [vars(solid.body), {k: v for k, v in vars(solid).items() if k != "body"}, levels]
+        flat = [vars(solid.body), {k: v for k, v in vars(solid).items() if k != "body"}, drawn]
         return flat, body_cache.length_and_width("car", 7)
 
     made = body_cache.body("car", 7)
@@ -89,8 +121,8 @@ def test_a_body_from_the_disk_is_the_body_made(folder):
 
 def test_kept_levels_are_those_of_the_mesh():
     made = body_cache.body("pickup", 3)
-    kept = meshes._unpacked(meshes._coarse(made), meshes._COARSE)
-    for some, level in zip(kept, meshes.vehicle_levels(made)[1:], strict=True):
+    kept = levels.unpacked(levels.coarse_levels(made), levels.COARSE)
+    for some, level in zip(kept, levels.vehicle_levels(made)[1:], strict=True):
         for a, b in zip(some, level, strict=True):
             np.testing.assert_array_equal(a, b)
 

@@ -38,7 +38,7 @@ DOORS = {
     ): "vehicles.body and its like: public names whose code only the laboratory needs",
 }
 # Commands of the laboratory: they import what they run inside the command.
-COMMANDS = ("simulate", "train", "bench", "experiment", "evaluate", "evaluate_sets", "evaluate_lab")
+COMMANDS = ("simulate", "crops", "train", "bench", "experiment", "evaluate", "evaluate_sets", "evaluate_lab")
 
 
 def name_of(path: Path) -> str:

@@ -21,7 +21,7 @@ from groundpose.lab.evaluate.simulated.run import everybody
 from groundpose.lab.timing import Clock
 from groundpose.lab.training.crops import NOTHING, Crops, write_crops
 from groundpose.lab.training.evaluate import Answers
-from groundpose.lab.training.rendered import rendered_samples
+from groundpose.lab.training.sources import source_named
 from groundpose.vehicles import CLASSES
 
 
@@ -56,7 +56,7 @@ def crops(tmp_path_factory):
     except RuntimeError as error:
         pytest.skip(str(error))
     folder = tmp_path_factory.mktemp("crops")
-    write_crops(folder, rendered_samples, "test", 6, frames_per_shard=3)
+    write_crops(folder, source_named("car"), "test", 6, frames_per_shard=3)
     return Crops(folder, "test")
 
 

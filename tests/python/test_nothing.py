@@ -1,5 +1,6 @@
 """Crops without a vehicle: their boxes, their records, that they repeat."""
 
+import groundpose as gp
 import numpy as np
 import pytest
 from groundpose.lab.drive import scene, scene_seed
@@ -7,6 +8,7 @@ from groundpose.lab.training import nothing, nothing_boxes
 from groundpose.lab.training.crops import LABEL, STORED, record_of
 from groundpose.lab.training.nothing_boxes import LARGEST_PIECE, MOST_COVERED, MOST_SHOWN, View, covered
 from groundpose.lab.training.nothing_patterns import PATTERNS, pattern
+from groundpose.lab.training.rendered import FRAME_STEP
 from groundpose.vehicles import CLASSES
 
 FRAMES = [scene(scene_seed(3), number) for number in (0, 40, 210, 380)]
@@ -100,9 +102,9 @@ def renderer():
 
 
 def test_samples_depend_on_the_arguments_alone(renderer):
-    from groundpose.lab.training.mixed import drive_samples
+    from groundpose.lab.training.mixed import DriveSamples
 
-    for source in (nothing.nothing_samples, drive_samples):
+    for source in (nothing.nothing_samples, DriveSamples()):
         both = list(source(3, "validation", 0, 2, STORED))
         second = list(source(3, "validation", 1, 1, STORED))
         assert 0 < len(second) < len(both)
@@ -112,20 +114,19 @@ def test_samples_depend_on_the_arguments_alone(renderer):
 
 
 def test_a_quarter_of_the_mixed_crops_is_nothing(renderer):
-    from groundpose.lab.training.mixed import NOTHING_PER_VEHICLE, drive_samples
+    from groundpose.lab.training.mixed import NOTHING_PER_VEHICLE, DriveSamples
 
-    kinds = np.array([int(s.label["kind"]) for s in drive_samples(3, "train", 0, 25, STORED)])
+    kinds = np.array([int(s.label["kind"]) for s in DriveSamples()(3, "train", 0, 25, STORED)])
     vehicles, empty = (kinds < len(CLASSES)).sum(), (kinds == len(CLASSES)).sum()
     assert vehicles > 40
     assert empty / vehicles == pytest.approx(NOTHING_PER_VEHICLE, abs=0.15)
 
 
 def test_vehicles_of_the_mixed_crops_are_the_rendered_ones(renderer):
-    from groundpose.lab.training.mixed import drive_samples
-    from groundpose.lab.training.rendered import rendered_samples
+    from groundpose.lab.training.mixed import DriveSamples
 
-    mixed = [s for s in drive_samples(3, "train", 0, 2, STORED) if s.label["kind"] < len(CLASSES)]
-    alone = list(rendered_samples(3, "train", 0, 2, STORED))
+    mixed = [s for s in DriveSamples("car")(3, "train", 0, 2, STORED) if s.label["kind"] < len(CLASSES)]
+    alone = list(DriveSamples("car", nothing=0.0)(3, "train", 0, 2, STORED))
     assert len(alone) > 0
     for a, b in zip(mixed, alone, strict=True):
         np.testing.assert_array_equal(a.image, b.image)
@@ -140,3 +141,20 @@ def test_a_window_is_the_crop_of_a_vehicle_with_its_seed(renderer):
     np.testing.assert_array_equal(crop, same)
     clean = renderer.crop(frame, 0, box, (64, 48), effects=False)
     np.testing.assert_array_equal(clean, renderer.window(frame, box, (64, 48), None))
+
+
+def test_a_folder_of_another_drive_is_not_continued(tmp_path, monkeypatch):
+    from groundpose.lab.training import crops
+    from groundpose.lab.training.mixed import DriveSamples, drive_version
+
+    monkeypatch.setattr(DriveSamples, "__call__", lambda *_: iter(()))
+
+    def write(source: DriveSamples) -> int:
+        return crops.write_crops(tmp_path, source, "train", 1)
+
+    assert [write(DriveSamples()), write(DriveSamples())] == [1, 0]
+    stated = f"rigs='mixed', frame_step={FRAME_STEP}, drive='{drive_version()}'"
+    assert stated in (tmp_path / "index.json").read_text()
+    for other in (DriveSamples(frame_step=3), DriveSamples(rigs="car"), DriveSamples(drive="0" * 16)):
+        with pytest.raises(gp.InputError, match="expected crops made with the same source"):
+            write(other)

@@ -7,9 +7,10 @@ from groundpose.lab.bodies import MATERIALS, body
 from groundpose.lab.drive import props
 from groundpose.lab.drive.assets import SKIES, environments, skies
 from groundpose.lab.drive.render import textures
+from groundpose.lab.drive.render.levels import BODY_LEVELS, level_of, prop_levels, vehicle_levels
 from groundpose.lab.drive.render.lighting import KINDS, illumination
 from groundpose.lab.drive.render.look import PAINTS, SURFACES, look, surface_tables
-from groundpose.lab.drive.render.meshes import BODY_LEVELS, level_of, prop_levels, vehicle_levels
+from groundpose.lab.drive.render.pictures import SIZE
 from groundpose.lab.drive.road_kinds import ROAD_KINDS, make_road
 from groundpose.lab.drive.surroundings import light
 from groundpose.lab.drive.surroundings import props as beside
@@ -156,5 +157,5 @@ def test_both_front_wheels_steer_at_every_level(class_name):
 
 
 def test_textures_have_all_layers():
-    assert textures.layers().shape == (len(textures.LAYERS), textures.SIZE, textures.SIZE, 4)
+    assert textures.layers().shape == (len(textures.LAYERS), SIZE, SIZE, 4)
     assert textures.layer("asphalt") == 1

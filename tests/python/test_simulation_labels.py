@@ -194,7 +194,7 @@ def test_outline_of_a_slab_cut_by_the_near_plane_ends_there(stage):
 
 
 def test_occlusion_of_a_pair(stage):
-    near, far = parked(stage, "car", 0.9, 12.0, 0.0), parked(stage, "car", 0.0, 20.0, 0.0)
+    near, far = parked(stage, "car", 0.9, 12.0, 0.0), parked(stage, "car", 0.0, 18.0, 20.0)
     first, second = labels(with_vehicles(stage, near, far))
     assert (first.occlusion, first.occluded_share) == (0, 0.0)
     alone = labels(with_vehicles(stage, far))[0]

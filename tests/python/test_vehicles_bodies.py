@@ -11,6 +11,15 @@ from groundpose.vehicles import CLASSES, flip_indices, keypoint_indices, keypoin
 
 STYLED = [(class_name, style) for class_name in CLASSES for style in STYLES[class_name]]
 SEEDS = (0, 3)
+# Seeds that were once wrong: no place for a tail lamp or a strip behind a wheel, too many triangles, mirrors
+# far before the front of a bus, a roof unit behind the rear of a short one.
+ONCE_UNSOUND = {
+    "city_car": (1052, 1088),
+    "mpv": (1038,),
+    "small_van": (1033,),
+    "city_bus": (1007, 1041, 1052, 1063),
+    "coach": (1038,),
+}
 styled = pytest.mark.parametrize(("class_name", "style"), STYLED)
 
 
@@ -21,7 +30,7 @@ def made(class_name: str, seed: int, style: str | None = None) -> Body:
 
 @styled
 def test_every_part_is_closed_and_outward(class_name: str, style: str) -> None:
-    for seed in SEEDS:
+    for seed in (*SEEDS, *ONCE_UNSOUND.get(style, ())):
         b = made(class_name, seed, style)
         _, welded = np.unique(b.vertices.round(6), axis=0, return_inverse=True)
         faces = welded.reshape(-1)[b.faces]
@@ -39,7 +48,7 @@ def test_every_part_is_closed_and_outward(class_name: str, style: str) -> None:
 
 @styled
 def test_size_of_the_mesh(class_name: str, style: str) -> None:
-    for seed in SEEDS:
+    for seed in (*SEEDS, *ONCE_UNSOUND.get(style, ())):
         b = made(class_name, seed, style)
         assert 3_000 <= len(b.faces) <= 15_000
         assert np.all(np.isfinite(b.vertices))
@@ -51,7 +60,7 @@ def test_size_of_the_mesh(class_name: str, style: str) -> None:
 
 @styled
 def test_box_stands_on_the_ground_and_holds_the_body(class_name: str, style: str) -> None:
-    for seed in SEEDS:
+    for seed in (*SEEDS, *ONCE_UNSOUND.get(style, ())):
         b = made(class_name, seed, style)
         length, height, width = b.size
         np.testing.assert_allclose(b.bbox_3d.sum(axis=0), [0.0, -height, 0.0], atol=0.02)
@@ -77,7 +86,7 @@ def surface_distance(b: Body, points: np.ndarray) -> np.ndarray:
 
 @styled
 def test_keypoints_lie_on_the_surface(class_name: str, style: str) -> None:
-    for seed in SEEDS:
+    for seed in (*SEEDS, *ONCE_UNSOUND.get(style, ())):
         b = made(class_name, seed, style)
         assert b.keypoints_3d.shape == (len(keypoint_indices(class_name)), 3)
         distance = surface_distance(b, b.keypoints_3d)
@@ -156,7 +165,8 @@ def test_some_roofs_carry_things_that_box_and_keypoints_leave_out(monkeypatch: p
             assert np.abs(thing[:, 0]).max() < 0.5 * b.size[2]
             # It stands on the roof: its foot is neither above nor far below it.
             lowest = thing[thing[:, 1].argmax()]
-            above = plain.vertices[np.hypot(*(plain.vertices - lowest)[:, [0, 2]].T) < 0.5][:, 1].min()
+            shells = plain.vertices[plain.faces[plain.parts < 2]].reshape(-1, 3)  # not an antenna
+            above = shells[np.hypot(*(shells - lowest)[:, [0, 2]].T) < 0.5][:, 1].min()
             assert -0.02 < lowest[1] - above < 0.25, (style, name)
 
 

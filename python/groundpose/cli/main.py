@@ -9,13 +9,14 @@ import typer
 
 import groundpose
 from groundpose.cli.bench import bench
+from groundpose.cli.crops import crops
 from groundpose.cli.estimate import estimate
 from groundpose.cli.evaluate import app as evaluate
 from groundpose.cli.experiment import experiment
 from groundpose.cli.inputs import NetworkFile
 from groundpose.cli.output import console, mistakes
 from groundpose.cli.simulate import simulate
-from groundpose.cli.train import crops, export, train
+from groundpose.cli.train import export, train
 
 # Options whose former spelling still works, without a place in the help.
 _FORMER = {"model": "network", "least-score": "min-score", "frame-tilt-deg": "frame-tilt-sigma-deg"}

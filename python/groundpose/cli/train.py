@@ -1,128 +1,25 @@
-"""`groundpose crops | train | export`: from the virtual drive to an exported network."""
+"""`groundpose train | export`: from crops to an exported network."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from groundpose._core import InputError
-from groundpose.cli.output import console, mistakes, refuse
+from groundpose.cli.output import console, mistakes
+from groundpose.cli.progress import bar, extra
 
 if TYPE_CHECKING:
-    from groundpose.keypoints.codec import Codec
     from groundpose.lab.training.loop import Trainer
 
 _SHOWN = ("within_visible", "within_hidden", "error_px_visible", "class_accuracy", "score_auc")
 _DEVICE = "Where to compute: auto (a GPU where there is one), cpu or cuda."
 _SMOKE_FRAMES = {"train": 320, "validation": 96, "test": 96}
-
-
-@contextmanager
-def _extra() -> Iterator[None]:
-    """Report an extra that is not installed in one line."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        missing = (error.name or "").split(".")[0]
-        if missing not in ("torch", "onnx", "onnxscript", "moderngl"):
-            raise
-        extra = "simulate" if missing == "moderngl" else "train"
-        refuse(f"{missing} is not installed: pip install 'groundpose[{extra}]'")
-
-
-def _bar() -> Progress:
-    screen = console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=screen, disable=not screen.is_terminal)
-
-
-def crops(
-    out: Annotated[Path, typer.Argument(help="Folder of the crops.")],
-    frames: Annotated[int, typer.Option(min=1, help="Frames of the drive.")] = 20_000,
-    split: Annotated[
-        str | None,
-        typer.Option(
-            help="train, validation or test. With --from-coco: all pictures there; none: by their ids.",
-            show_default="train",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the drive.")] = 0,
-    first: Annotated[int, typer.Option(min=0, help="First frame; a multiple of the frames per shard.")] = 0,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes that draw.")] = 1,
-    source: Annotated[
-        str,
-        typer.Option(
-            help="mixed: cameras of all kinds and places without a vehicle; car: the vehicles that one car "
-            "sees; toy: painted substitutes."
-        ),
-    ] = "mixed",
-    large: Annotated[
-        bool, typer.Option(help="Twice the width and height, for networks of 256 x 192.")
-    ] = False,
-    from_coco: Annotated[
-        Path | None, typer.Option(help="Cut crops of labelled pictures instead: a COCO keypoints file.")
-    ] = None,
-    keypoints: Annotated[
-        Path | None,
-        typer.Option(
-            help="JSON file: the file's names of classes and keypoints and ours. None: they are ours."
-        ),
-    ] = None,
-    images: Annotated[
-        Path | None, typer.Option(help="Folder of the pictures; none: images/ beside the file, or beside it.")
-    ] = None,
-    device: Annotated[str, typer.Option(help="What draws: auto, cpu or cuda (a graphics card).")] = "auto",
-) -> None:
-    """Draw training crops of the virtual drive. Existing crops are not drawn again.
-
-    [bold]Examples[/bold]
-
-      groundpose crops data/crops --frames 60000 --jobs 2
-
-      groundpose crops data/crops --frames 3000 --split validation
-
-      groundpose crops data/held_out --frames 1000 --split test --source car
-
-      groundpose crops data/own --from-coco labels.json --keypoints names.json
-    """
-    with mistakes(), _extra():
-        from groundpose.lab.drive import SPLITS
-        from groundpose.lab.drive.render.device import choose
-        from groundpose.lab.training.crops import STORED, write_crops
-        from groundpose.lab.training.sources import source_named
-
-        if split not in (None, *SPLITS):
-            raise TypeError(f"--split: expected one of {', '.join(SPLITS)}, got {split!r}")
-        choose(device)
-        codec = (
-            dataclasses.replace(STORED, width=2 * STORED.width, height=2 * STORED.height) if large else STORED
-        )
-        if from_coco is not None:
-            _coco_crops(out, from_coco, keypoints, images, split, codec, jobs)
-            return
-        if keypoints is not None or images is not None:
-            raise TypeError("--keypoints, --images: expected --from-coco with them, got none")
-        split = split or "train"
-        samples = source_named(source)
-        with _bar() as bar:
-            task = bar.add_task(f"{split} shards", total=None)
-
-            def advance(done: int, total: int) -> None:
-                bar.update(task, completed=done, total=total)
-
-            write_crops(
-                out, samples, split, frames, seed=seed, first=first, codec=codec, jobs=jobs, advance=advance
-            )
-    typer.echo(f"Crops: {out.resolve()}")
 
 
 def train(
@@ -182,7 +79,7 @@ def train(
 
       groundpose train lite48 --initial default --data data/own -o runs/own --set epochs=5
     """
-    with mistakes(), _extra():
+    with mistakes(), extra():
         from groundpose.lab.training.configs import CONFIGS, NETWORKS, changed, train_config
 
         if config == "list":
@@ -240,7 +137,7 @@ def export(
 
       groundpose export runs/lite32 -o lite32.onnx --int8 lite32_int8.onnx
     """
-    with mistakes(), _extra():
+    with mistakes(), extra():
         from groundpose.lab.training.device import device as device_named
         from groundpose.lab.training.release import release
 
@@ -265,31 +162,6 @@ def export(
         console().print(table)
 
 
-def _coco_crops(
-    out: Path,
-    file: Path,
-    keypoints: Path | None,
-    images: Path | None,
-    split: str | None,
-    codec: Codec,
-    jobs: int,
-) -> None:
-    """Cut the crops of a COCO file and say what was left out."""
-    from groundpose.lab.training.coco_crops import read_coco
-    from groundpose.lab.training.coco_map import CocoMap
-    from groundpose.lab.training.crops import write_crops
-
-    names = CocoMap.own() if keypoints is None else CocoMap.read(keypoints)
-    sources, skips = read_coco(file, names, images, split)
-    made = []
-    for name, source in sources.items():
-        write_crops(out, source, name, len(source.pictures), codec=codec, jobs=jobs)
-        made.append(f"{sum(len(picture.vehicles) for picture in source.pictures)} {name}")
-    typer.echo(f"Crops: {out.resolve()} ({', '.join(made)}; {skips.total} left out)")
-    for line in skips.lines():
-        console(stderr=True).print(f"left out: {line}")
-
-
 def _train(trainer: Trainer, minutes: float | None) -> bool:
     """Train with a progress bar on a terminal and a line per evaluation."""
     from groundpose.lab.training.log import Progress as State
@@ -299,17 +171,17 @@ def _train(trainer: Trainer, minutes: float | None) -> bool:
     record = trainer.folder / "command.txt"
     if not record.exists():
         record.write_text(" ".join(["groundpose", *sys.argv[1:]]) + "\n")
-    with _bar() as bar:
-        task = bar.add_task(name, total=trainer.steps, completed=trainer.step)
+    with bar() as shown:
+        task = shown.add_task(name, total=trainer.steps, completed=trainer.step)
 
         def tell(now: State) -> None:
             text = f"{name} loss {now.losses['total']:.3f}, {now.crops_per_second:.0f} crops/s"
-            bar.update(task, completed=now.step, description=text)
+            shown.update(task, completed=now.step, description=text)
             if now.metrics:
                 numbers = ", ".join(
                     f"{name} {now.metrics[name]:.3f}" for name in _SHOWN if name in now.metrics
                 )
-                bar.console.print(f"{now.step}/{now.steps} loss {now.losses['total']:.3f}, {numbers}")
+                shown.console.print(f"{now.step}/{now.steps} loss {now.losses['total']:.3f}, {numbers}")
 
         try:
             return trainer.run(Limits(minutes=minutes, evaluations=5 if name == "toy" else 20), tell)
@@ -322,16 +194,16 @@ def _render(data: Path, minutes: float, jobs: int | None, device: str) -> float:
     from groundpose.lab.drive.render.device import choose
     from groundpose.lab.training.device import cores
     from groundpose.lab.training.in_time import Plan, render
-    from groundpose.lab.training.mixed import drive_samples
+    from groundpose.lab.training.mixed import DriveSamples
 
     choose(device)
-    with _bar() as bar:
-        task = bar.add_task("rendering", total=None)
+    with bar() as shown:
+        task = shown.add_task("rendering", total=None)
 
         def advance(split: str, shards: int) -> None:
-            bar.update(task, completed=shards, description=f"rendering, shards of {split}")
+            shown.update(task, completed=shards, description=f"rendering, shards of {split}")
 
-        return render(Plan(data, drive_samples, minutes, jobs or cores()), advance)
+        return render(Plan(data, DriveSamples(), minutes, jobs or cores()), advance)
 
 
 def _toy_crops(folder: Path) -> Path:

@@ -12,6 +12,7 @@ from groundpose.lab.bodies.geometry.mesh import Component, assemble
 from groundpose.lab.bodies.roof import roof_things
 from groundpose.vehicles.keypoints import KEYPOINTS, keypoint_indices
 
+MOST_TRIANGLES = 15_000
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
@@ -42,7 +43,10 @@ def finished(
     wheels: FloatArray,
 ) -> Body:
     """The body made of components in the object frame (large surfaces first) and what is on its roof."""
-    mesh = assemble([*components, *roof_things(class_name, style, seed, components[:2], keypoints_3d)])
+    parts = [*components, *roof_things(class_name, style, seed, components[:2], keypoints_3d)]
+    mesh = assemble(parts)
+    if len(mesh.faces) > MOST_TRIANGLES:
+        mesh = assemble([part for part in parts if not part.spare])
     return Body(
         class_name,
         style,

@@ -21,7 +21,7 @@ _HERE = Path(__file__).parent
 _SOURCES = (
     Path(bodies.__file__).parent,
     Path(keypoints.__file__),
-    *(_HERE / name for name in ("body_cache.py", "solids.py", "silhouette.py", "render/meshes.py")),
+    *(_HERE / name for name in ("body_cache.py", "solids.py", "silhouette.py", "render/levels.py")),
 )
 
 
@@ -34,7 +34,7 @@ def of_body(
     what: str, class_name: str, seed: int, keys: frozenset[str], make: Callable[[], disk.Arrays]
 ) -> disk.Arrays:
     """The arrays called `what` of a body, from the disk or made."""
-    return disk.arrays(f"bodies-{_version()}/{what}/{class_name}-{seed}", keys, make)
+    return disk.arrays(f"{disk.version_folder('bodies', _version())}/{what}/{class_name}-{seed}", keys, make)
 
 
 @lru_cache(maxsize=16)

@@ -9,9 +9,12 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import shutil
 import sys
+import time
 import zipfile
 from collections.abc import Callable, Iterable
+from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
@@ -22,6 +25,8 @@ Arrays = dict[str, NDArray[Any]]
 
 VARIABLE = "GROUNDPOSE_CACHE"
 """Environment variable that names another folder."""
+UNUSED_DAYS = 30.0
+"""Entries of other versions are removed when they were not used for this long."""
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 
 
@@ -47,6 +52,28 @@ def fingerprint(sources: Iterable[Path]) -> str:
             if file.suffix != ".pyc":
                 digest.update(file.relative_to(source.parent).as_posix().encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()[:16]
+
+
+@cache
+def version_folder(kind: str, version: str) -> str:
+    """Name of the folder of a version of a kind of entries, which begins to be used; removes unused ones."""
+    name = f"{kind}-{version}"
+    with contextlib.suppress(OSError):
+        os.utime(folder() / name)
+    with contextlib.suppress(OSError):
+        for other in folder().glob(f"{kind}-*"):
+            if other.name != name and time.time() - other.stat().st_mtime > 86400.0 * UNUSED_DAYS:
+                _remove(other)
+    return name
+
+
+def _remove(path: Path) -> None:
+    # Renamed first: another process then finds the whole folder or none. What a stopped process leaves
+    # keeps its age and its kind, so the next one removes it.
+    gone = path.with_name(f"{path.name}.removed{os.getpid()}")
+    with contextlib.suppress(OSError):
+        path.rename(gone)
+        shutil.rmtree(gone, ignore_errors=True)
 
 
 def arrays(name: str, keys: frozenset[str], make: Callable[[], Arrays]) -> Arrays:

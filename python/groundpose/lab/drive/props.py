@@ -6,13 +6,14 @@ size of its `Prop`. The texture of walls and facades repeats every metre, whatev
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from groundpose.lab.drive.props_people import cyclist, person
+from groundpose.lab.drive.props_plants import bush, conifer, hedge, tree
 from groundpose.lab.drive.props_shapes import (
     WHITE,
     Colour,
@@ -20,77 +21,12 @@ from groundpose.lab.drive.props_shapes import (
     Surface,
     ball,
     box,
-    cards,
     join,
     quad,
     tube,
     with_holes,
 )  # fmt: skip
 from groundpose.lab.drive.render import textures
-
-
-def _crown(
-    rng: np.random.Generator, count: int, centre: Colour, radius: Colour, card: float, name: str
-) -> list[Mesh]:
-    """Twigs in clumps on an ellipsoid around a dark core."""
-    clumps = rng.normal(size=(max(6, count // 14), 3))
-    clumps /= np.linalg.norm(clumps, axis=1, keepdims=True)
-    clumps *= rng.uniform(0.45, 0.85, size=(len(clumps), 1))
-    at = clumps[rng.integers(len(clumps), size=count)] + 0.22 * rng.normal(size=(count, 3))
-    length = np.linalg.norm(at, axis=1)
-    at *= np.minimum(1.0, 1.05 / length)[:, None]
-    outward = at / np.linalg.norm(at, axis=1, keepdims=True) + 0.3 * rng.normal(size=(count, 3))
-    # The inside and the underside are dark, because the crown shades itself.
-    shade = np.clip(0.22 + 0.6 * length**2 - 0.3 * at[:, 1] + 0.12 * rng.normal(size=count), 0.12, 1.15)
-    size = card * rng.uniform(0.7, 1.3, size=count)
-    core = ball(
-        centre, (0.55 * radius[0], 0.6 * radius[1], 0.55 * radius[2]),
-        Surface("hedge", colour=(0.25, 0.25, 0.25)), rng,
-    )  # fmt: skip
-    points = np.array(centre) + at * np.array(radius)
-    return [core, cards(points, outward, size, shade, name, rng)]
-
-
-def _tree(rng: np.random.Generator) -> Mesh:
-    """Height 1; the trunk ends in the crown."""
-    bark = Surface("bark", tint=0.0)
-    bare = rng.uniform(0.18, 0.36)
-    lean = 0.03 * rng.normal(size=2)
-    top = (float(lean[0]), -0.7, float(lean[1]))
-    pieces = [tube((0, 0, 0), top, (0.022, 0.012), bark)]
-    for _ in range(4):
-        turn, reach = rng.uniform(0, 2 * np.pi), rng.uniform(0.12, 0.3)
-        end = (reach * np.cos(turn), -rng.uniform(bare + 0.15, 0.8), reach * np.sin(turn))
-        pieces.append(tube((0, -bare, 0), end, (0.012, 0.004), bark, 4))
-    middle = -0.5 * (1.0 + bare)
-    return join(pieces + _crown(rng, 190, (0, middle, 0), (0.5, 0.5 * (1 - bare), 0.5), 0.16, "foliage"))
-
-
-def _conifer(rng: np.random.Generator) -> Mesh:
-    pieces = [tube((0, 0, 0), (0, -0.9, 0), (0.02, 0.006), Surface("bark", tint=0.0))]
-    height = rng.uniform(0.08, 1.0, size=150) ** 0.8
-    turn, r = rng.uniform(0, 2 * np.pi, size=150), (1.02 - height) * 0.5 * rng.uniform(0.5, 1.0, size=150)
-    at = np.stack([r * np.cos(turn), -height, r * np.sin(turn)], 1)
-    outward = np.stack([np.cos(turn), -0.5 + 0 * turn, np.sin(turn)], 1)
-    shade = np.clip(0.3 + 1.2 * r + 0.1 * rng.normal(size=150), 0.1, 1.1)
-    core = join([ball((0, -0.35, 0), (0.25, 0.3, 0.25), Surface("hedge", colour=(0.2, 0.2, 0.2)), rng)])
-    return join([*pieces, core, cards(at, outward, 0.2 * np.ones(150), shade, "needles", rng)])
-
-
-def _bush(rng: np.random.Generator) -> Mesh:
-    return join(_crown(rng, 70, (0, -0.45, 0), (0.5, 0.5, 0.5), 0.34, "foliage"))
-
-
-def _hedge(rng: np.random.Generator) -> Mesh:
-    """One metre of hedge stretched along z: a body and twigs that break its outline."""
-    body = box((-0.45, -0.95, -0.5), (0.45, 0, 0.5), Surface("hedge", 1.6, (0.8, 0.8, 0.8)))
-    n = 90
-    at = np.stack([rng.choice([-0.45, 0.45], n), -rng.random(n), rng.uniform(-0.5, 0.5, n)], 1)
-    top = rng.random(n) < 0.4
-    at[top, 0], at[top, 1] = rng.uniform(-0.4, 0.4, top.sum()), -0.95
-    outward = np.where(top[:, None], [0.0, -1.0, 0.0], np.sign(at) * [1.0, 0.0, 0.0])
-    shade = 0.35 + 0.6 * -at[:, 1] + 0.1 * rng.normal(size=n)
-    return join([body, cards(at, outward, 0.17 * np.ones(n), shade, "foliage", rng)])
 
 
 def _house(facade: str, roof: bool, ground: str | None) -> Callable[[np.random.Generator], Mesh]:
@@ -216,53 +152,6 @@ def _traffic_light(rng: np.random.Generator) -> Mesh:
     return join(pieces)
 
 
-def _person(rng: np.random.Generator) -> Mesh:
-    """Height 1; the upper clothes take the tint."""
-    skin = Surface("plain", colour=tuple(np.array([0.55, 0.36, 0.27]) * rng.uniform(0.5, 1.3)), tint=0.0)
-    trousers = Surface(
-        "plain", colour=tuple(rng.choice([0.03, 0.06, 0.15]) * np.array([0.9, 1.0, 1.4])), tint=0.0
-    )
-    hair = Surface("plain", colour=tuple(rng.choice([0.03, 0.08, 0.3]) * np.array([1.2, 1.0, 0.8])), tint=0.0)
-    shirt = Surface("plain")
-    step = rng.uniform(0.0, 0.12)
-    pieces = [
-        ball((0, -0.935, 0), (0.045, 0.062, 0.052), skin),
-        ball((0, -0.962, -0.012), (0.046, 0.042, 0.052), hair),
-        ball((0, -0.66, 0), (0.105, 0.19, 0.07), shirt), ball((0, -0.5, 0), (0.09, 0.08, 0.07), trousers),
-        tube((0, -0.82, 0), (0, -0.9, 0), (0.03, 0.03), skin),
-    ]  # fmt: skip
-    for s in (-1.0, 1.0):
-        hip, knee, foot = (
-            (0.05 * s, -0.5, 0.0),
-            (0.055 * s, -0.27, 0.6 * s * step),
-            (0.05 * s, -0.02, s * step),
-        )
-        hand = (0.14 * s, -0.46, -s * step)
-        pieces += [
-            tube(hip, knee, (0.055, 0.042), trousers), tube(knee, foot, (0.042, 0.03), trousers),
-            ball((0.05 * s, -0.02, s * step + 0.03), (0.025, 0.022, 0.07), hair),
-            tube((0.105 * s, -0.8, 0), hand, (0.036, 0.026), shirt), ball(hand, (0.022, 0.035, 0.025), skin),
-        ]  # fmt: skip
-    return join(pieces)
-
-
-def _cyclist(rng: np.random.Generator) -> Mesh:
-    """A person of three quarters of the height on two wheels, riding along z."""
-    rider = _person(rng)
-    rider.vertices[:, 1] = 0.86 * rider.vertices[:, 1] - 0.16
-    rider.vertices[:, 2] += 0.25 * np.maximum(-rider.vertices[:, 1] - 0.6, 0.0)
-    dark = Surface("plain", colour=(0.03, 0.03, 0.03), tint=0.0)
-    pieces = [rider]
-    angle = np.linspace(0, 2 * np.pi, 13)
-    for z in (-0.3, 0.32):
-        ring = [(0.0, -0.19 + 0.18 * float(np.sin(a)), z + 0.18 * float(np.cos(a))) for a in angle]
-        pieces += [tube(a, b, (0.01, 0.01), dark, 4) for a, b in itertools.pairwise(ring)]
-    frame = Surface("plain", tint=1.0)
-    lines = [((0, -0.19, -0.3), (0, -0.45, -0.08)), ((0, -0.45, -0.08), (0, -0.45, 0.22)),
-             ((0, -0.2, 0.02), (0, -0.45, 0.22)), ((0, -0.55, 0.24), (0, -0.19, 0.32))]  # fmt: skip
-    return join(pieces + [tube(a, b, (0.012, 0.012), frame, 4) for a, b in lines])
-
-
 def _bin(rng: np.random.Generator) -> Mesh:
     dark = Surface("plain")
     lid = Surface("plain", colour=(0.6, 0.6, 0.6))
@@ -279,9 +168,9 @@ WALL_KINDS = ("plaster", "brick", "stone", "concrete")
 CONCRETE = WALL_KINDS.index("concrete")
 # Functions that make each kind; `Prop.seed` picks one of the variants.
 MAKERS: dict[str, tuple[Callable[[np.random.Generator], Mesh], ...]] = {
-    "tree": (_tree,) * 9 + (_conifer,),
-    "bush": (_bush,) * 4,
-    "hedge": (_hedge,) * 2,
+    "tree": (tree,) * 9 + (conifer,),
+    "bush": (bush,) * 4,
+    "hedge": (hedge,) * 2,
     "building": (
         _house("house", True, None), _house("shuttered", True, None), _house("house", True, "shop"),
         _house("stone_house", True, "shop"), _house("house", False, "shop"), _house("office", False, None),
@@ -295,8 +184,8 @@ MAKERS: dict[str, tuple[Callable[[np.random.Generator], Mesh], ...]] = {
     "bollard": (_post,),
     "sign": tuple(_sign(name) for name in ("limit", "warning", "priority", "parking", "board")),
     "traffic_light": (_traffic_light,) * 3,
-    "person": (_person,) * 6,
-    "cyclist": (_cyclist,) * 3,
+    "person": (person,) * 6,
+    "cyclist": (cyclist,) * 3,
     "bin": (_bin,),
     "kerb": (_kerb,),
 }  # fmt: skip

@@ -14,8 +14,9 @@ from groundpose.vehicles import CLASSES, KEYPOINTS, keypoint_indices
 INTRODUCTION = """\
 # Vehicles
 
-All vehicles are procedural (`groundpose.vehicles`): free to use, in any number, and the same on every
-machine to 1e-15 m.
+All vehicles may be used freely, and are the same on every machine to 1e-15 m. They are procedural
+(`groundpose.vehicles`), in any number, but for seven of the training pool that were drawn by hand: meshes
+of the SMARTS simulator, in the public domain (CC0; `lab/bodies/assets/ATTRIBUTION.md`).
 `groundpose.lab.bodies.body("car", seed=7)` is a closed mesh with materials and keypoints,
 `groundpose.vehicles.shape_model("car")` the shape model that the estimator takes.
 
@@ -23,12 +24,13 @@ This page is written by `groundpose evaluate shapes` (a minute)."""
 BODIES_TEXT = """\
 ## Bodies
 
-Every component is closed and faces outward; windows are glass with seats behind them. Each body belongs
-to a region (Europe, North America, China, Japan, elsewhere), which decides what styles are common and how
-large they are, and to an age between 1990 and today: old vehicles are shorter, lower and narrower.
-Fractions and sizes are estimates in tables (`lab/bodies/regions.py`, `dimensions.py`). Means over ten
-bodies per style. For comparison KITTI's labels, length / height / width: car 3.89 / 1.51 / 1.62, van 4.92
-/ 2.14 / 1.90, truck 9.35 / 3.32 / 2.53 m."""
+Every component of a procedural body is closed and faces outward; windows are glass with seats behind
+them; a body has at most 15,000 triangles, without people and roof rails where these would be too many.
+It belongs to a region (Europe, North America, China, Japan, elsewhere), which decides what styles are
+common and how large they are, and to an age between 1990 and today: old vehicles are shorter, lower and
+narrower. Fractions and sizes are estimates in tables (`lab/bodies/regions.py`, `dimensions.py`). Means
+over ten bodies per style. For comparison KITTI's labels, length / height / width: car 3.89 / 1.51 /
+1.62, van 4.92 / 2.14 / 1.90, truck 9.35 / 3.32 / 2.53 m."""
 KEYPOINTS_TEXT = """\
 ## Keypoints
 

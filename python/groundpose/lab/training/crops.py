@@ -71,7 +71,11 @@ class Sample:
 
 
 class Source(Protocol):
-    """A source of samples; a module-level function, because worker processes import it."""
+    """A source of samples: a module-level function or an object that can be pickled, for worker processes.
+
+    The index of the folder keeps the function's name or the object's text, which therefore says all that
+    decides what the samples are.
+    """
 
     def __call__(self, seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
         """Samples of `count` frames from number `first`; they depend on the arguments alone."""
@@ -196,8 +200,11 @@ def _write_index(folder: Path, source: Source, seed: int, frames_per_shard: int,
     }
     path = folder / "index.json"
     if path.exists():
-        if json.loads(path.read_text()) != index:
-            raise input_error(str(path), "crops made with the same source, seed and sizes", "others")
+        found = json.loads(path.read_text())
+        other = [name for name in index if found.get(name) != index[name]]
+        if other:
+            got = ", ".join(f"{name} {found.get(name)} instead of {index[name]}" for name in other)
+            raise input_error(str(path), "crops made with the same source, seed and sizes", got)
         return
     folder.mkdir(parents=True, exist_ok=True)
     temporary = path.with_suffix(f".tmp{os.getpid()}")

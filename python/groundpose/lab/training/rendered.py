@@ -24,18 +24,14 @@ MOST_HIDDEN, MOST_CUT = 0.8, 0.6
 """Largest fractions of a vehicle hidden by others and outside the image."""
 FRAME_STEP = 2
 """One frame in this many is drawn, because successive frames are similar."""
-CAR, MIXED = RIGS["car"], RIGS["mixed"]
+MIXED = RIGS["mixed"]
 
 
-def rendered_samples(seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
-    """The vehicles used for training in `count` frames of the camera of one car."""
-    for frame in drawn_frames(seed, split, first, count, CAR):
-        yield from vehicle_samples(frame, codec)
-
-
-def drawn_frames(seed: int, split: str, first: int, count: int, rigs: Rigs) -> Iterator[Scene]:
-    """The `count` frames from the `first`-th of those that are drawn."""
-    for number in range(first * FRAME_STEP, (first + count) * FRAME_STEP, FRAME_STEP):
+def drawn_frames(
+    seed: int, split: str, first: int, count: int, rigs: Rigs, step: int = FRAME_STEP
+) -> Iterator[Scene]:
+    """The `count` frames from the `first`-th of those that are drawn, one in `step`."""
+    for number in range(first * step, (first + count) * step, step):
         yield scene(scene_seed(seed, split), number, rigs=rigs)
 
 

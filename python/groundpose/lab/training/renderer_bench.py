@@ -12,7 +12,7 @@ from pathlib import Path
 
 from groundpose.lab.drive.render.bench import CODEC, FRAMES, forget_bodies, measure
 from groundpose.lab.training import rendered
-from groundpose.lab.training.rendered import rendered_samples
+from groundpose.lab.training.sources import source_named
 
 _COMMAND = "LP_NUM_THREADS=1 taskset -c 1 python -m groundpose.lab.training.renderer_bench"
 
@@ -22,7 +22,7 @@ def main(path: str) -> None:
     file = Path(path)
     old = json.loads(file.read_text("utf-8")) if file.exists() else {}
     kept = {"alternatives": old["alternatives"]} if "alternatives" in old else {}
-    figures = measure(lambda: rendered_samples(0, "train", 0, FRAMES, CODEC), _forget)
+    figures = measure(lambda: source_named("car")(0, "train", 0, FRAMES, CODEC), _forget)
     file.write_text(json.dumps({"command": _COMMAND, **figures, **kept}, indent=1) + "\n", "utf-8")
 
 

@@ -10,9 +10,10 @@ from groundpose.lab.bodies.box_truck.plan import Plan, wheel_centres
 from groundpose.lab.bodies.common import bar, block, moved, padded
 from groundpose.lab.bodies.geometry.mesh import Component, both_sides
 from groundpose.lab.bodies.geometry.primitives import rounded_box
+from groundpose.lab.bodies.outlines import Columns, Level
 from groundpose.lab.bodies.parts import cabin
 from groundpose.lab.bodies.parts.materials import MATERIAL
-from groundpose.lab.bodies.shell import Columns, Level, Shell, shell
+from groundpose.lab.bodies.shell import Shell, shell
 
 
 def fittings(p: Plan, cab: Shell, rng: np.random.Generator) -> list[Component]:

@@ -8,8 +8,8 @@ import numpy as np
 
 from groundpose._checks import FloatArray
 from groundpose.lab.bodies.dimensions import Dimensions, draw_dimensions
+from groundpose.lab.bodies.outlines import Level
 from groundpose.lab.bodies.parts.wheels import Rim
-from groundpose.lab.bodies.shell import Level
 
 CLASS = "box_truck"
 

@@ -18,6 +18,8 @@ from groundpose.lab.bodies.parts.trim import round_patch
 _LENS = 0.009  # height of a lamp's lens above the wall, metres
 _BEZEL = 0.004
 _LEAST_TAIL = 0.12  # length of a tail lamp along the wall, metres
+# x of a tail lamp's outer end, as a fraction of the half width, where the wheel leaves no place on the side.
+_LEAST_OUTER_END = 0.5
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,7 @@ def tail_lamp(shape: CarShape, shell: Shell, face: Face) -> Lamp:
     end = float(
         wall.u_at_z(min(-0.5 * shape.outer.length + 0.10 + 0.5 * shape.tail_corner + face.tail_reach, limit))
     )
+    end = min(end, float(wall.u_at_x(_LEAST_OUTER_END * shape.half_width, rear=True)))
     start = max(float(wall.u_at_x(face.tail_inner * shape.half_width, rear=True)), end + _LEAST_TAIL)
     u = np.linspace(start, end, 8)
     fraction = np.linspace(0.0, 1.0, 8)

@@ -36,12 +36,14 @@ class Component:
         faces: (F, 3) indices, outward; triangles of no area are dropped by `assemble`.
         materials: (F,) index of each face's material.
         crease: radians; an edge whose faces turn by more than this is shaded sharp.
+        spare: a body with too many triangles goes without it.
     """
 
     vertices: FloatArray
     faces: IntArray
     materials: ByteArray
     crease: float = float(np.deg2rad(CREASE_DEG))
+    spare: bool = False
 
     def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Component:
         """The component shifted by metres."""
@@ -67,6 +69,10 @@ class Component:
     def painted(self, material: int) -> Component:
         """The component with one material for all faces."""
         return replace(self, materials=np.full(len(self.faces), material, dtype=np.uint8))
+
+    def spared(self) -> Component:
+        """The component, left out where the body would have too many triangles."""
+        return replace(self, spare=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ def driver(tall: float = 0.88) -> list[Component]:
         )
         for s in (-1.0, 1.0)
     ]
-    return [*passenger(tall), *arms]
+    return [*passenger(tall), *(arm.spared() for arm in arms)]
 
 
 def passenger(tall: float = 0.88, clothes: str = "clothes") -> list[Component]:
@@ -65,7 +65,7 @@ def passenger(tall: float = 0.88, clothes: str = "clothes") -> list[Component]:
     trunk = ellipsoid(0.44, shoulder + 0.02, 0.26, MATERIAL[clothes], 7, 3, 0.8)
     head = ellipsoid(0.16, 0.25, 0.20, MATERIAL["skin"], 7, 4).moved(0.0, 0.13 - tall, 0.09)
     hair = ellipsoid(0.18, 0.20, 0.19, MATERIAL["interior"], 7, 3).moved(0.0, 0.10 - tall, 0.06)
-    return [trunk.moved(0.0, -0.5 * shoulder, 0.10), head, hair]
+    return [part.spared() for part in (trunk.moved(0.0, -0.5 * shoulder, 0.10), head, hair)]
 
 
 def passengers(places: FloatArray, tall: float, fraction: float, rng: np.random.Generator) -> list[Component]:

@@ -68,7 +68,7 @@ def roof_rail(path: FloatArray, material: str = "chrome") -> list[Component]:
     """A bar over a line (N, 3) on the roof with two feet."""
     lifted = path + np.array([0.0, -0.045, 0.0])
     lifted[[0, -1]] = path[[0, -1]]
-    return [pipe(lifted, 0.014, MATERIAL[material], segments=5)]
+    return [pipe(lifted, 0.014, MATERIAL[material], segments=5).spared()]
 
 
 def antenna(point: FloatArray, fin: bool) -> Component:

@@ -9,10 +9,11 @@ from groundpose.lab.bodies.body import Body
 from groundpose.lab.bodies.common import moved, plate_middle
 from groundpose.lab.bodies.dimensions import random_stream
 from groundpose.lab.bodies.finish import finished, mirrored_keypoints
+from groundpose.lab.bodies.outlines import Arch, Columns
 from groundpose.lab.bodies.parts.wheels import hub_x
 from groundpose.lab.bodies.pickup.fittings import fittings, mirror_box
 from groundpose.lab.bodies.pickup.plan import CLASS, Plan, bed_levels, cab_levels, plan, wheel_centres
-from groundpose.lab.bodies.shell import Arch, Columns, Shell, ends, shell, side_columns
+from groundpose.lab.bodies.shell import Shell, ends, shell, side_columns
 
 
 def build(style: str, seed: int) -> Body:

@@ -9,8 +9,9 @@ from groundpose.lab.bodies.body import Body
 from groundpose.lab.bodies.common import moved, plate_middle
 from groundpose.lab.bodies.dimensions import random_stream
 from groundpose.lab.bodies.finish import finished, mirrored_keypoints
+from groundpose.lab.bodies.outlines import Arch, Columns
 from groundpose.lab.bodies.parts.wheels import hub_x
-from groundpose.lab.bodies.shell import Arch, Columns, Shell, shell, side_columns
+from groundpose.lab.bodies.shell import Shell, shell, side_columns
 from groundpose.lab.bodies.van_bus.fittings import fittings, mirror_box
 from groundpose.lab.bodies.van_bus.plan import Plan, levels, plan, wheel_centres
 

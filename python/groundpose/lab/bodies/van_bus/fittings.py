@@ -12,6 +12,11 @@ from groundpose.lab.bodies.parts import cabin
 from groundpose.lab.bodies.shell import Shell
 from groundpose.lab.bodies.van_bus.plan import Plan, wheel_centres
 
+# Radius of the edges of rub strips, metres.
+_STRIP_EDGE = 0.015
+# How far the mirrors of a bus may stand before its front, metres.
+_MIRROR_BEYOND = 0.029
+
 
 def fittings(p: Plan, hull: Shell, rng: np.random.Generator) -> list[Component]:
     """All components except the shell."""
@@ -46,7 +51,10 @@ def mirror_box(p: Plan, hull: Shell) -> tuple[FloatArray, FloatArray]:
         size = np.array([0.2, 0.3 if p.dimensions.height > 2.2 else 0.22, 0.11])
         return moved(base, 0.5 * size[0] + 0.03, -0.06, -0.03), size
     corner = hull.point(hull.columns.at_front_corner(2), "top")
-    return moved(corner, 0.3, 0.35, 0.12), np.array([0.22, 0.46, 0.14])
+    size = np.array([0.22, 0.46, 0.14])
+    centre = moved(corner, 0.3, 0.35, 0.12)
+    centre[2] = min(centre[2], 0.5 * (p.dimensions.length - size[2]) + _MIRROR_BEYOND)
+    return centre, size
 
 
 def mirror(p: Plan, hull: Shell) -> list[Component]:
@@ -85,16 +93,21 @@ def _side(p: Plan, hull: Shell) -> list[Component]:
         for seam in p.seams[1:]
     ]
     low, high = p.heights["plate"], p.heights["lamp_mid"]
+    behind_wheel = rear - 2 * p.arch - 0.16 + 0.5 * d.length - 0.12
     if p.strip:
         parts.append(
             padded(
-                (0.04, 0.10, front - rear), 0.015, "plastic", (x, -0.5 * (low + high), 0.5 * (front + rear))
+                (0.04, 0.10, front - rear),
+                _STRIP_EDGE,
+                "plastic",
+                (x, -0.5 * (low + high), 0.5 * (front + rear)),
             )
         )
+    if p.strip and behind_wheel > 2 * _STRIP_EDGE:
         parts.append(
             padded(
-                (0.04, 0.10, rear - 2 * p.arch - 0.16 + 0.5 * d.length - 0.12),
-                0.015,
+                (0.04, 0.10, behind_wheel),
+                _STRIP_EDGE,
                 "plastic",
                 (x - 0.003, -0.5 * (low + high), 0.5 * (rear - 2 * p.arch - 0.16 - 0.5 * d.length + 0.12)),
             )
@@ -111,15 +124,12 @@ def _roof_units(p: Plan, rng: np.random.Generator) -> list[Component]:
     d = p.dimensions
     rise = d.height - p.hull_height + 0.05
     places = rng.uniform([0.05, -0.35], [0.3, -0.15]) * d.length
-    return [
-        padded(
-            (0.66 * d.width, rise, rng.uniform(1.6, 3.0)),
-            0.07,
-            "paint",
-            (0.0, -d.height + 0.5 * rise, float(z)),
-        )
-        for z in places
-    ]
+    parts = []
+    for place in places.tolist():
+        length = rng.uniform(1.6, 3.0)
+        z = max(place, 0.5 * (length - d.length) + 0.05)  # on the roof of a short bus too
+        parts.append(padded((0.66 * d.width, rise, length), 0.07, "paint", (0.0, -d.height + 0.5 * rise, z)))
+    return parts
 
 
 def _roof_rack(p: Plan) -> list[Component]:

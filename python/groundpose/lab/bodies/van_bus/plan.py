@@ -10,8 +10,8 @@ import numpy as np
 from groundpose._checks import FloatArray
 from groundpose.lab.bodies.common import PLATE_RISE
 from groundpose.lab.bodies.dimensions import Dimensions, draw_dimensions
+from groundpose.lab.bodies.outlines import Level
 from groundpose.lab.bodies.parts.wheels import STEEL_RIMS, Rim
-from groundpose.lab.bodies.shell import Level
 
 CLASS = "van_bus"
 

@@ -13,6 +13,7 @@ from groundpose.lab.drive.render import camera, textures
 from groundpose.lab.drive.render.context import context, program, set_uniforms
 from groundpose.lab.drive.render.look import plates, surface_tables
 from groundpose.lab.drive.render.meshes import GpuMesh
+from groundpose.lab.drive.render.pictures import SIZE
 from groundpose.lab.drive.render.staged import Stage, Staged
 from groundpose.lab.drive.render.view import Window, camera_from_world, clip_from_camera, ray_from_clip
 from groundpose.lab.drive.scene import Scene
@@ -233,8 +234,8 @@ def _textures() -> dict[str, Any]:
     """Load the textures that every scene uses."""
     gl = context()
     layers = textures.layers()
-    array = gl.texture_array((textures.SIZE, textures.SIZE, len(layers)), 4, layers.tobytes())
-    grain = gl.texture((textures.SIZE, textures.SIZE), 4, textures.noise_texture().tobytes())
+    array = gl.texture_array((SIZE, SIZE, len(layers)), 4, layers.tobytes())
+    grain = gl.texture((SIZE, SIZE), 4, textures.noise_texture().tobytes())
     rows = plates()
     plate = gl.texture((rows.shape[1], rows.shape[0]), 3, rows.tobytes())
     for texture in (array, grain, plate):

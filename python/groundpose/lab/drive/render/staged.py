@@ -14,19 +14,16 @@ from groundpose.lab.drive.assets import environments
 from groundpose.lab.drive.render import textures
 from groundpose.lab.drive.render.context import context, program, set_uniforms
 from groundpose.lab.drive.render.ground import Ground, surfaces
+from groundpose.lab.drive.render.levels import BODY_LEVELS, PROP_LEVELS, level_of, prop_levels
 from groundpose.lab.drive.render.lighting import illumination
 from groundpose.lab.drive.render.look import look
 from groundpose.lab.drive.render.meshes import (
-    BODY_LEVELS,
     INSTANCE_FLOATS,
     PROP,
-    PROP_LEVELS,
     BodyMesh,
     Drawable,
     GpuMesh,
     Pool,
-    level_of,
-    prop_levels,
 )
 from groundpose.lab.drive.render.view import box_corners, in_view, sun_frame
 from groundpose.lab.drive.road import Road

@@ -12,48 +12,33 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-Picture = NDArray[np.float64]
-Generator = np.random.Generator
+from groundpose.lab.drive.render.pictures import (
+    SIZE,
+    Generator,
+    Picture,
+    coloured,
+    noise,
+    rgba,
+    smooth,
+)
 
-SIZE = 256
 _ROW, _COLUMN = np.mgrid[0:SIZE, 0:SIZE] / SIZE
-
-
-def noise(rng: Generator, power: float = 1.0, low: int = 1) -> Picture:
-    """Tileable noise with spectrum 1/f^power above frequency `low`, mean 0, standard deviation 1."""
-    f = np.hypot(*np.meshgrid(np.fft.fftfreq(SIZE, 1 / SIZE), np.fft.fftfreq(SIZE, 1 / SIZE)))
-    spectrum = np.where(f < low, 0.0, np.maximum(f, 1.0) ** -power)
-    out = np.fft.ifft2(np.fft.fft2(rng.normal(size=(SIZE, SIZE))) * spectrum).real
-    return np.asarray((out - out.mean()) / out.std())
-
-
-def _rgb(colour: tuple[float, float, float], shade: Picture) -> Picture:
-    return np.asarray(np.array(colour) * shade[..., None])
-
-
-def _with(rgb: Picture, alpha: Picture | float = 1.0) -> Picture:
-    return np.asarray(np.dstack([rgb, np.broadcast_to(alpha, (SIZE, SIZE))]))
-
-
-def _smooth(low: float, high: float, x: Picture) -> Picture:
-    s = np.clip((x - low) / (high - low), 0.0, 1.0)
-    return np.asarray(s * s * (3.0 - 2.0 * s))
 
 
 def _asphalt(rng: Generator) -> Picture:
     stones = 1.0 + 0.16 * noise(rng, 0.2, 20) + 0.06 * noise(rng, 1.2)
-    return _with(_rgb((0.37, 0.37, 0.38), stones))
+    return rgba(coloured((0.37, 0.37, 0.38), stones))
 
 
 def _cracks(rng: Generator) -> Picture:
     """Opacity of cracks and of sealed joints in R, G; large patches in B, stains in A."""
     warp = 0.1 * noise(rng, 1.6)
-    fine = 1.0 - _smooth(0.0, 0.03, np.abs(noise(rng, 1.7) + warp)) * 1.0
-    fine *= _smooth(0.2, 0.9, noise(rng, 1.8))
-    tar = 1.0 - _smooth(0.01, 0.025, np.abs(noise(rng, 2.2)))
-    tar *= _smooth(0.1, 0.5, noise(rng, 2.0))
-    patch = _smooth(0.7, 0.74, noise(rng, 2.0))
-    stain = _smooth(0.0, 2.5, noise(rng, 1.6))
+    fine = 1.0 - smooth(0.0, 0.03, np.abs(noise(rng, 1.7) + warp)) * 1.0
+    fine *= smooth(0.2, 0.9, noise(rng, 1.8))
+    tar = 1.0 - smooth(0.01, 0.025, np.abs(noise(rng, 2.2)))
+    tar *= smooth(0.1, 0.5, noise(rng, 2.0))
+    patch = smooth(0.7, 0.74, noise(rng, 2.0))
+    stain = smooth(0.0, 2.5, noise(rng, 1.6))
     return np.dstack([fine, tar, patch, stain])
 
 
@@ -69,7 +54,7 @@ def _blocks(
     edge = np.minimum(
         np.minimum(x % 1, 1 - x % 1) * SIZE / columns, np.minimum(y % 1, 1 - y % 1) * SIZE / rows
     )
-    return bright, 1.0 - _smooth(0.4 * joint, joint, edge)
+    return bright, 1.0 - smooth(0.4 * joint, joint, edge)
 
 
 def _tiles(
@@ -84,8 +69,8 @@ def _tiles(
     def make(rng: Generator) -> Picture:
         bright, gap = _blocks(rng, rows, columns, joint, shift, vary)
         grain = bright * (1.0 + 0.08 * noise(rng, 0.6) + 0.06 * noise(rng, 1.8))
-        rgb = _rgb(colour, grain) * (1.0 - gap[..., None]) + joint_colour * gap[..., None]
-        return _with(rgb)
+        rgb = coloured(colour, grain) * (1.0 - gap[..., None]) + joint_colour * gap[..., None]
+        return rgba(rgb)
 
     return make
 
@@ -95,13 +80,13 @@ def _grass(rng: Generator) -> Picture:
     patches = noise(rng, 1.6)
     green = np.array([0.27, 0.30, 0.17]) * (1.0 + 0.25 * blades + 0.12 * patches)[..., None]
     dry = np.array([0.42, 0.38, 0.22]) * (1.0 + 0.2 * blades)[..., None]
-    fraction = _smooth(0.3, 2.2, patches)[..., None]
-    return _with(green * (1 - fraction) + dry * fraction)
+    fraction = smooth(0.3, 2.2, patches)[..., None]
+    return rgba(green * (1 - fraction) + dry * fraction)
 
 
 def _plain(colour: tuple[float, float, float], fine: float, coarse: float) -> Callable[[Generator], Picture]:
     def make(rng: Generator) -> Picture:
-        return _with(_rgb(colour, 1.0 + fine * noise(rng, 0.4, 4) + coarse * noise(rng, 1.7)))
+        return rgba(coloured(colour, 1.0 + fine * noise(rng, 0.4, 4) + coarse * noise(rng, 1.7)))
 
     return make
 
@@ -109,27 +94,27 @@ def _plain(colour: tuple[float, float, float], fine: float, coarse: float) -> Ca
 def _planks(rng: Generator) -> Picture:
     bright, gap = _blocks(rng, 1, 12, 2.0, 0.0, 0.14)
     streak = np.repeat(noise(rng, 0.6)[:1], SIZE, axis=0)
-    return _with(_rgb((0.40, 0.30, 0.22), bright * (1 + 0.12 * streak)) * (1 - 0.8 * gap[..., None]))
+    return rgba(coloured((0.40, 0.30, 0.22), bright * (1 + 0.12 * streak)) * (1 - 0.8 * gap[..., None]))
 
 
 def _railing(rng: Generator) -> Picture:
     bars = np.abs((_COLUMN * 8) % 1 - 0.5) < 0.1
     rails = (np.abs(_ROW - 0.1) < 0.03) | (np.abs(_ROW - 0.85) < 0.03)
-    return _with(_rgb((0.25, 0.25, 0.25), np.ones((SIZE, SIZE))), (bars | rails).astype(float))
+    return rgba(coloured((0.25, 0.25, 0.25), np.ones((SIZE, SIZE))), (bars | rails).astype(float))
 
 
 def _pickets(rng: Generator) -> Picture:
     bars = np.abs((_COLUMN * 12) % 1 - 0.5) < 0.27
     rails = (np.abs(_ROW - 0.12) < 0.025) | (np.abs(_ROW - 0.42) < 0.025)
     colour = (0.62, 0.60, 0.56) * (1.0 + 0.1 * noise(rng, 0.6))[..., None]
-    return _with(colour * (1.0 - 0.25 * (rails & ~bars))[..., None], (bars | rails).astype(float))
+    return rgba(colour * (1.0 - 0.25 * (rails & ~bars))[..., None], (bars | rails).astype(float))
 
 
 def _wire(rng: Generator) -> Picture:
     """A mesh of wires, coarser than real ones, which would be narrower than a pixel everywhere."""
     across = [np.abs(((_COLUMN + sign * _ROW) * 16) % 1 - 0.5) < 0.05 for sign in (-1, 1)]
     wires = across[0] | across[1] | (_COLUMN < 0.02)
-    return _with(_rgb((0.45, 0.47, 0.46), np.ones((SIZE, SIZE))), wires.astype(float))
+    return rgba(coloured((0.45, 0.47, 0.46), np.ones((SIZE, SIZE))), wires.astype(float))
 
 
 def _leaves(rng: Generator, count: int, length: float, colour: tuple[float, float, float]) -> Picture:
@@ -147,7 +132,7 @@ def _leaves(rng: Generator, count: int, length: float, colour: tuple[float, floa
         tint = rng.normal(1.0, 0.22) * (1.0 + 0.5 * across[inside] / size)
         rgb[inside] = np.array(colour) * (1.0 + np.array([0.12, 0.0, 0.0]) * rng.normal()) * tint[:, None]
         alpha[inside] = 1.0
-    return _with(rgb, alpha)
+    return rgba(rgb, alpha)
 
 
 def _foliage(rng: Generator) -> Picture:
@@ -160,13 +145,13 @@ def _needles(rng: Generator) -> Picture:
 
 def _hedge(rng: Generator) -> Picture:
     leaf = noise(rng, 0.5, 10)
-    deep = _smooth(-0.2, 1.2, noise(rng, 1.1, 4) + 0.6 * leaf)
-    return _with(_rgb((0.24, 0.30, 0.12), 0.35 + 0.9 * deep))
+    deep = smooth(-0.2, 1.2, noise(rng, 1.1, 4) + 0.6 * leaf)
+    return rgba(coloured((0.24, 0.30, 0.12), 0.35 + 0.9 * deep))
 
 
 def _bark(rng: Generator) -> Picture:
     ridges = np.repeat(noise(rng, 0.8, 4)[::8], 8, axis=0)
-    return _with(_rgb((0.27, 0.24, 0.20), 1.0 + 0.3 * ridges + 0.15 * noise(rng, 0.6)))
+    return rgba(coloured((0.27, 0.24, 0.20), 1.0 + 0.3 * ridges + 0.15 * noise(rng, 0.6)))
 
 
 def _facade(
@@ -180,7 +165,7 @@ def _facade(
     """Two by two bays of 3 m; `window` = left, top, right, bottom as fractions of a bay."""
 
     def make(rng: Generator) -> Picture:
-        rgb = _rgb(wall, 1.0 + 0.03 * noise(rng, 0.6) + 0.05 * noise(rng, 2.0))
+        rgb = coloured(wall, 1.0 + 0.03 * noise(rng, 0.6) + 0.05 * noise(rng, 2.0))
         glass = np.zeros((SIZE, SIZE))
         left, top, right, bottom = window
         for bay in range(4):
@@ -207,7 +192,7 @@ def _facade(
             if shutter:
                 side = ((x > left - 0.2) & (x < left - 0.05)) | ((x > right + 0.05) & (x < right + 0.2))
                 rgb[side & (y > top) & (y < bottom)] = (0.25, 0.28, 0.22)
-        return _with(np.clip(rgb, 0.0, 1.0), 1.0 - glass)
+        return rgba(np.clip(rgb, 0.0, 1.0), 1.0 - glass)
 
     return make
 
@@ -250,7 +235,7 @@ def _sign(kind: str) -> Callable[[Generator], Picture]:
         }  # fmt: skip
         for mask, colour in shapes[kind]:
             rgb[mask], alpha[mask] = colour, 1.0
-        return _with(rgb, alpha)
+        return rgba(rgb, alpha)
 
     return make
 

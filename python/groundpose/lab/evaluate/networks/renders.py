@@ -64,7 +64,7 @@ class Wanted:
                         window=window,
                         image_size=frame.camera.image_size,
                         frame=frame.number,
-                        index=label.index,
+                        object=label.index,
                         occluded=label.occluded_share,
                         truncation=label.truncation,
                         alpha=label.alpha,
