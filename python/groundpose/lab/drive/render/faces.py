@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 Faces = NDArray[np.int32]
 
-# OpenGL decides which way a face is turned after it has rounded its corners. Vertices move by this much of the
-# largest coordinate (float32) and of a drawn pixel (llvmpipe keeps 1/256 of one); both have a factor of safety.
+# OpenGL decides which way a face is turned after it has rounded its corners: by this fraction of the
+# largest coordinate (float32) and of a drawn pixel (llvmpipe keeps 1/256 of one), safety included.
 _ROUNDED, _SNAPPED = 4e-6, 1.0 / 16.0
 _MARGIN = 0.01  # metres around a face in the test of the window
 _ALWAYS = 1e9
@@ -23,8 +23,9 @@ _ALWAYS = 1e9
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """A window's view of one object: clip_from_object (4, 4), the eye (3,) in the object's frame, `doubt`:
-    metres by which the eye must lie behind a face whose longest edge is 1 m, times twice the face's area."""
+    """A window's view of one object: clip_from_object (4, 4), the eye (3,) in the object's frame, `doubt`: a
+    face is left out when twice its area, times the eye's distance behind its plane, exceeds `doubt` times its
+    longest edge (m^2)."""
 
     clip: NDArray[np.float64]
     eye: NDArray[np.float64]
@@ -39,15 +40,15 @@ class Aim:
         eye: NDArray[np.float64],
         focal: float,
     ) -> Aim | None:
-        """The aim of `clip` = clip_from_world at an object of rows `pose` (12,) whose box has `corners` (8, 3).
+        """The aim of `clip` = clip_from_world at an object of rows `pose` (12,), box `corners` (8, 3).
 
         None for an object that reaches behind the near plane, where faces are cut.
         """
         rows = pose.reshape(3, 4).astype(float)
-        edges = corners @ clip[2:, :3].T + clip[2:, 3]
-        if (edges[:, 0] <= -edges[:, 1]).any():
+        z, w = (corners @ clip[2:, :3].T + clip[2:, 3]).T
+        if (z <= -w).any():
             return None
-        farthest = float(edges[:, 1].max())
+        farthest = float(w.max())
         largest = float(np.abs(corners).max() + np.abs(eye).max())
         doubt = farthest * (_SNAPPED * farthest / focal + _ROUNDED * largest)
         return cls(clip @ np.vstack([rows, [0.0, 0.0, 0.0, 1.0]]), rows[:, :3].T @ (eye - rows[:, 3]), doubt)

@@ -87,7 +87,8 @@ class GpuMesh:
         gl = context()
         vertices = np.concatenate([v for v, _, _ in levels])
         offsets = np.cumsum([0, *(len(v) for v, _, _ in levels)])
-        faces = np.concatenate([f + o for (_, f, _), o in zip(levels, offsets[:-1], strict=True)]).astype("i4")
+        moved = [f + o for (_, f, _), o in zip(levels, offsets[:-1], strict=True)]
+        faces = np.concatenate(moved).astype("i4")
         counts = np.cumsum([0, *(n for _, f, split in levels for n in (split, len(f) - split))])
         self._parts: list[int] = (3 * counts).tolist()
         self._faces, self._positions = faces, vertices[:, :3].copy()
