@@ -214,7 +214,8 @@ def own_body_hides(target: Target, pixels: FloatArray, depth: FloatArray) -> NDA
         return np.zeros(0, dtype=bool)
     faces, (left, top, right, bottom) = target.front_faces
     # one coordinate at a time: few faces remain after the first two comparisons
-    point, face = np.nonzero((left <= pixels[:, :1]) & (right >= pixels[:, :1]))
+    between = (left <= pixels[:, :1]) & (right >= pixels[:, :1])
+    point, face = np.divmod(np.flatnonzero(between), len(faces))  # faster than nonzero of two axes
     kept = (top[face] <= pixels[point, 1]) & (bottom[face] >= pixels[point, 1])
     point, face = point[kept], face[kept]
     a, b, c = (target.pixels[faces[face, i]] - pixels[point] for i in range(3))

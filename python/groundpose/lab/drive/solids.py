@@ -53,7 +53,7 @@ class Solid:
 
     def facing(self, eye: FloatArray) -> NDArray[np.intp]:
         """The faces (F, 3) turned to a point (3,) of the object frame."""
-        return self.faces[self.normals @ eye > self.offsets]
+        return np.compress(self.normals @ eye > self.offsets, self.faces, axis=0)
 
 
 @lru_cache(maxsize=300)

@@ -87,8 +87,7 @@ def _beside(camera: Camera, corners: FloatArray) -> bool:
     """Whether a solid with these corners (8, 3) cannot be in the image."""
     if corners[:, 2].min() < NEAR:
         return bool(corners[:, 2].max() < NEAR)
-    pixels = camera.project(corners)
-    return not meets_image(camera, np.concatenate([pixels.min(axis=0), pixels.max(axis=0)]))
+    return not meets_image(camera, _around(camera.project(corners)))
 
 
 def _extent(camera: Camera, points: FloatArray, faces: NDArray[np.intp]) -> FloatArray | None:
@@ -102,8 +101,13 @@ def _extent(camera: Camera, points: FloatArray, faces: NDArray[np.intp]) -> Floa
         a, b = points[crossing[:, 0]], points[crossing[:, 1]]
         fraction = (NEAR - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
         points = np.concatenate([points[front], a + fraction * (b - a)])
-    pixels = camera.project(points)
-    return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+    return _around(camera.project(points))
+
+
+def _around(pixels: FloatArray) -> FloatArray:
+    """Box (4,) of pixels (N, 2); columns in one piece are compared much faster than rows of two."""
+    columns = np.ascontiguousarray(pixels.T)
+    return np.concatenate([columns.min(axis=1), columns.max(axis=1)])
 
 
 def meets_image(camera: Camera, box: FloatArray) -> bool:

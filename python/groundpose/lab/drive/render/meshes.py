@@ -11,6 +11,7 @@ import numpy as np
 
 from groundpose.lab.drive.body_cache import body, of_body
 from groundpose.lab.drive.render.context import context
+from groundpose.lab.drive.render.faces import Aim, FaceTable
 from groundpose.lab.drive.render.levels import (
     COARSE,
     FINEST,
@@ -26,6 +27,8 @@ from groundpose.lab.drive.render.levels import (
 # Floats of an instance: three rows of world_from_object, four more vectors.
 INSTANCE_FLOATS = 28
 _ROWS = "4f 4f 4f 4f 4f 4f 4f/i"
+
+_PIVOT = 10  # column of a vehicle's vertices, see VEHICLE: not 0 where they steer
 
 
 @dataclass(frozen=True)
@@ -57,14 +60,21 @@ class GpuMesh:
         gl = context()
         vertices = np.concatenate([v for v, _, _ in levels])
         offsets = np.cumsum([0, *(len(v) for v, _, _ in levels)])
-        faces = np.concatenate([f + o for (_, f, _), o in zip(levels, offsets[:-1], strict=True)])
+        moved = [f + o for (_, f, _), o in zip(levels, offsets[:-1], strict=True)]
+        faces = np.concatenate(moved).astype("i4")
         counts = np.cumsum([0, *(n for _, f, split in levels for n in (split, len(f) - split))])
         self._parts: list[int] = (3 * counts).tolist()
+        self._faces, self._positions = faces, vertices[:, :3].copy()
+        self._turning = vertices[:, _PIVOT] != 0.0
+        self._tables: dict[int, FaceTable] = {}
         self.box = np.stack([levels[0][0][:, :3].min(axis=0), levels[0][0][:, :3].max(axis=0)]).astype(float)
         vbo = gl.buffer(np.ascontiguousarray(vertices, dtype="f4"))
-        ibo = gl.buffer(np.ascontiguousarray(faces, dtype="i4"))
+        # behind the faces there is room for those of one part that a window sees
+        ibo = gl.buffer(reserve=4 * (faces.size + max(np.diff(self._parts), default=0)), dynamic=True)
+        ibo.write(faces)
         self._instances = gl.buffer(reserve=4 * INSTANCE_FLOATS, dynamic=True)
         self._buffers = (vbo, ibo, self._instances)
+        self._ibo = ibo
         self._arrays = {
             name: gl.vertex_array(
                 program,
@@ -77,16 +87,29 @@ class GpuMesh:
             for name, program in programs.items()
         }
 
-    def draw(self, name: str, rows: Floats, level: int, second: bool = False) -> None:
-        """Draw instances (N, INSTANCE_FLOATS) of the first or the second part of a level."""
+    def draw(self, name: str, rows: Floats, level: int, second: bool = False, aim: Aim | None = None) -> None:
+        """Draw instances (N, INSTANCE_FLOATS) of the first or the second part of a level; with an `aim` at
+        the only instance, of a vehicle, without the faces that it does not see."""
         part = 2 * level + second
         first, last = self._parts[part], self._parts[part + 1]
+        if last > first and aim is not None:
+            first, last = self._write_seen(part, aim)
         if last == first:
             return
         if rows.nbytes > self._instances.size:
             self._instances.orphan(2 * rows.nbytes)
         self._instances.write(np.ascontiguousarray(rows))
         self._arrays[name].render(vertices=last - first, first=first, instances=len(rows))
+
+    def _write_seen(self, part: int, aim: Aim) -> tuple[int, int]:
+        """Upload the indices of a part's seen faces; their first place and the one after the last."""
+        if part not in self._tables:
+            faces = self._faces[self._parts[part] // 3 : self._parts[part + 1] // 3]
+            self._tables[part] = FaceTable(self._positions, faces, self._turning)
+        seen = self._tables[part].seen(aim)
+        if seen.size:
+            self._ibo.write(seen, offset=4 * self._faces.size)
+        return self._faces.size, self._faces.size + seen.size
 
     def release(self) -> None:
         """Release the memory."""
@@ -105,14 +128,14 @@ class BodyMesh:
         self.box = kept["box"]
         self._meshes = {"coarse": GpuMesh(programs, VEHICLE, unpacked(kept, COARSE))}
 
-    def draw(self, name: str, rows: Floats, level: int, second: bool = False) -> None:
-        """Draw instances (N, INSTANCE_FLOATS) of the first or the second part of a level."""
+    def draw(self, name: str, rows: Floats, level: int, second: bool = False, aim: Aim | None = None) -> None:
+        """Draw the instance (1, INSTANCE_FLOATS), see `GpuMesh.draw`."""
         if level > 0:
-            self._meshes["coarse"].draw(name, rows, level - 1, second)
+            self._meshes["coarse"].draw(name, rows, level - 1, second, aim)
             return
         if "finest" not in self._meshes:
             self._meshes["finest"] = self._upload_finest()
-        self._meshes["finest"].draw(name, rows, 0, second)
+        self._meshes["finest"].draw(name, rows, 0, second, aim)
 
     def _upload_finest(self) -> GpuMesh:
         kept = of_body(

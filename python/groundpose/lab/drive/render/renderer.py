@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from groundpose._checks import input_error, integer, shaped
 from groundpose.lab.drive.render import camera, textures
 from groundpose.lab.drive.render.context import context, program, set_uniforms
+from groundpose.lab.drive.render.faces import Aim
 from groundpose.lab.drive.render.look import plates, surface_tables
 from groundpose.lab.drive.render.meshes import GpuMesh
 from groundpose.lab.drive.render.pictures import SIZE
@@ -149,7 +150,8 @@ class Renderer:
         gl.enable_only(gl.DEPTH_TEST | gl.CULL_FACE)
         gl.front_face, gl.depth_func = "cw", "<"
         vehicles = staged.seen_vehicles(clip, scale)
-        self._draw_vehicles(staged, vehicles, second=False)
+        aims = {i: staged.aim(i, clip, scale) for i, *_ in vehicles}
+        self._draw_vehicles(staged, vehicles, aims, second=False)
         gl.disable(gl.CULL_FACE)
         props = staged.seen_props(clip, scale)
         self._draw_props(staged, props, second=False)
@@ -161,14 +163,20 @@ class Renderer:
         gl.enable(gl.CULL_FACE | gl.BLEND)
         gl.blend_func = gl.ONE, gl.ONE_MINUS_SRC_ALPHA
         target.depth_mask = False
-        self._draw_vehicles(staged, vehicles[::-1], second=True)
+        self._draw_vehicles(staged, vehicles[::-1], aims, second=True)
         target.depth_mask = True
 
-    def _draw_vehicles(self, staged: Staged, vehicles: list[tuple[int, int, float]], second: bool) -> None:
+    def _draw_vehicles(
+        self,
+        staged: Staged,
+        vehicles: list[tuple[int, int, float]],
+        aims: dict[int, Aim | None],
+        second: bool,
+    ) -> None:
         """Draw the bodies or (second) their panes."""
         for i, level, density in vehicles:
             name = _BY_DENSITY[second][density < _CORNER_DENSITY]
-            staged.vehicles.meshes[i].draw(name, staged.vehicles.rows[i : i + 1], level, second)
+            staged.vehicles.meshes[i].draw(name, staged.vehicles.rows[i : i + 1], level, second, aims[i])
 
     def _draw_props(
         self, staged: Staged, props: list[tuple[GpuMesh, int, NDArray[np.intp]]], second: bool

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from PIL import Image as Pillow
 
-from groundpose.lab.drive.render.filters import Radiance, as_bytes, blur, curve, scaled_to
+from groundpose.lab.drive.render.filters import Radiance, as_bytes, blur, curve, mean_of_channels, scaled_to
 from groundpose.lab.drive.render.shot import Shot
 
 # Errors of a light meter: probability; mean and standard deviation of the logarithm of the gain. Most are
@@ -62,7 +62,7 @@ def tone(x: Radiance, shot: Shot) -> Radiance:
     """Black level, clipping and the display curve, with a camera maker's contrast and colour."""
     black = np.float32(0.02 * shot.rng.random() ** 3)
     y = curve((x - black) / (1 - black), float(shot.rng.triangular(0.0, 0.7, 1.3)))
-    grey = y.mean(axis=2, keepdims=True)
+    grey = mean_of_channels(y)
     return np.asarray(np.clip(grey + np.float32(shot.rng.normal(1.12, 0.25)) * (y - grey), 0.0, 1.0))
 
 

@@ -13,6 +13,7 @@ from groundpose.lab.drive import props
 from groundpose.lab.drive.assets import environments
 from groundpose.lab.drive.render import textures
 from groundpose.lab.drive.render.context import context, program, set_uniforms
+from groundpose.lab.drive.render.faces import Aim
 from groundpose.lab.drive.render.ground import Ground, surfaces
 from groundpose.lab.drive.render.levels import BODY_LEVELS, PROP_LEVELS, level_of, prop_levels
 from groundpose.lab.drive.render.lighting import illumination
@@ -72,6 +73,17 @@ class Staged:
         seen = self.vehicles.seen(clip)
         order = seen[np.argsort(-density[seen], kind="stable")].tolist()
         return [(i, level_of(BODY_LEVELS, density[i]), float(density[i])) for i in order]
+
+    def aim(self, index: int, clip: Doubles, scale: float) -> Aim | None:
+        """The window's view of a vehicle."""
+        vehicles, camera = self.vehicles, self.scene.camera
+        return Aim.at(
+            clip,
+            vehicles.rows[index, :12],
+            vehicles.corners[index],
+            self.scene.camera_position,
+            min(camera.fx, camera.fy) * scale,
+        )
 
     def seen_props(self, clip: Doubles, scale: float) -> list[tuple[GpuMesh, int, NDArray[np.intp]]]:
         """Meshes, levels and the rows of their instances in view."""
