@@ -19,7 +19,7 @@ from torch import Tensor, nn
 
 from groundpose.keypoints.codec import MEAN, STD, ByteArray, Codec
 from groundpose.keypoints.decode import Calibration
-from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS
+from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS, VEHICLE_THRESHOLD
 from groundpose.lab.training.networks import Decoded, KeypointNetwork
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS
@@ -105,6 +105,7 @@ def metadata(
         "height": str(codec.height),
         "margin": repr(codec.margin),
         "channels": "RGB, uint8, (N, height, width, 3)",
+        "vehicle_threshold": repr(VEHICLE_THRESHOLD),
         "command": command,
         **{name: json.dumps(value) for name, value in said.items()},
     }
