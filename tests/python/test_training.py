@@ -26,8 +26,10 @@ from groundpose.lab.training import (  # noqa: E402
     in_time,
     loop,
     networks,
+    optimise,
     release,
     sizes,
+    trained,
     weights,
 )
 from groundpose.lab.training.batches import Batcher  # noqa: E402
@@ -399,7 +401,7 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(tmp_path, data):
     with pytest.raises(
         gp.InputError, match=r"expected a training run \(checkpoint.pt\) or weights .*got none"
     ):
-        loop.trained(tmp_path / "none")
+        trained.trained(tmp_path / "none")
 
 
 def test_a_run_may_begin_with_the_weights_of_another(tmp_path, data):
@@ -434,10 +436,10 @@ def test_heat_map_losses_are_those_of_single_operations(monkeypatch):
 
 def test_schedules():
     paper, ours = configs.train_config("res10-128x96-paper"), configs.train_config("lite32")
-    rates = [loop.learning_rate(paper, step, 90) for step in (0, 59, 60, 79, 80, 89)]
+    rates = [optimise.learning_rate(paper, step, 90) for step in (0, 59, 60, 79, 80, 89)]
     np.testing.assert_allclose(rates, [1e-3, 1e-3, 1e-4, 1e-4, 1e-5, 1e-5])
     assert (paper.optimizer, paper.weight_decay, paper.epochs) == ("adam", 1e-4, 90)
-    curve = [loop.learning_rate(ours, step, 1000) for step in range(1000)]
+    curve = [optimise.learning_rate(ours, step, 1000) for step in range(1000)]
     assert int(np.argmax(curve)) in (18, 19, 20)
     assert curve[-1] < 1e-4 * max(curve)
 
@@ -479,9 +481,9 @@ def test_smoke_trains_exports_and_is_good(tmp_path):
 def _check_files(folder, data):
     """Parity of torch, onnxruntime and int8, sizes, and what the file says of itself."""
     stored = crops.Crops(data, "test", 24)
-    network, config, _ = loop.trained(folder / "run")
+    network, config, _ = trained.trained(folder / "run")
     codec = Codec(network.config.width, network.config.height)
-    truth = answers(loop.detector(network), stored, codec).detections
+    truth = answers(trained.detector(network), stored, codec).detections
     found = {name: Network(folder / name, threads=1) for name in ("smoke.onnx", "int8.onnx")}
     half, int8 = (answers(n.detect, stored, codec).detections for n in found.values())
     assert np.abs(half.keypoints - truth.keypoints).max() < 0.2  # weights rounded to float16
@@ -519,7 +521,7 @@ def test_float32_export_is_the_network_to_the_bit_almost(tmp_path, mirrored):
     said = metadata(Codec(), Calibration(), "", index, {}, {})
     export(network, tmp_path / "n.onnx", said, half=False, mirrored=mirrored)
     pictures = np.random.default_rng(0).integers(0, 256, (3, 96, 128, 3), dtype=np.uint8)
-    ours = loop.detector(network, mirrored)(pictures)
+    ours = trained.detector(network, mirrored)(pictures)
     theirs = Network(tmp_path / "n.onnx", threads=1).detect(pictures)
     np.testing.assert_allclose(theirs.keypoints, ours.keypoints, atol=3e-4)
     np.testing.assert_allclose(theirs.spread, ours.spread, atol=3e-4)
@@ -528,7 +530,9 @@ def test_float32_export_is_the_network_to_the_bit_almost(tmp_path, mirrored):
 
 def test_with_mirror_images_a_mirrored_crop_has_the_mirrored_answer():
     torch.manual_seed(0)
-    detect = loop.detector(networks.folded(networks.KeypointNetwork(configs.NETWORKS["toy"])), mirrored=True)
+    detect = trained.detector(
+        networks.folded(networks.KeypointNetwork(configs.NETWORKS["toy"])), mirrored=True
+    )
     pictures = np.random.default_rng(0).integers(0, 256, (3, 96, 128, 3), dtype=np.uint8)
     there, back = detect(pictures), detect(np.ascontiguousarray(pictures[:, :, ::-1]))
     expected = (there.keypoints * [-1.0, 1.0] + [127.0, 0.0])[:, flip_indices()]

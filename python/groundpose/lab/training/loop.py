@@ -16,23 +16,23 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from groundpose._checks import input_error
-from groundpose.keypoints.codec import ByteArray, Codec
-from groundpose.keypoints.decode import Detections
+from groundpose.keypoints.codec import Codec
 from groundpose.lab.training.batches import Batch, Batcher
-from groundpose.lab.training.configs import NETWORKS, AugmentConfig, TrainConfig
+from groundpose.lab.training.configs import NETWORKS, TrainConfig
 from groundpose.lab.training.crops import Crops
 from groundpose.lab.training.device import finish, has_bf16, pictures_on
 from groundpose.lab.training.evaluate import Answers, answers
 from groundpose.lab.training.log import MetricsLog, Progress
 from groundpose.lab.training.losses import Loss, Losses
-from groundpose.lab.training.networks import KeypointNetwork, folded
+from groundpose.lab.training.networks import KeypointNetwork
+from groundpose.lab.training.optimise import learning_rate, optimizer
+from groundpose.lab.training.trained import detector
 from groundpose.lab.training.weights import CHECKPOINT, load_into, read_weights, write_weights
 
 _ORDER, _STEP = 1, 2  # streams of random numbers
@@ -112,7 +112,7 @@ class Trainer:
         self.averaged = copy.deepcopy(self.network) if config.average > 0.0 else self.network
         self._loss = Loss(self.network, self.codec, config)
         self._batcher = Batcher(self.codec, self.crops.codec, config.augment, device)
-        self.optimizer = _optimizer(self.network, config)
+        self.optimizer = optimizer(self.network, config)
         self.steps = max(1, math.ceil(config.epochs * len(self.crops) / config.batch))
         self.step, self.seconds = 0, 0.0
         self.before: dict[str, float] = {name: 0 for name in _COSTS}
@@ -289,51 +289,3 @@ class Trainer:
                 yield ready()
             finally:
                 pool.shutdown(cancel_futures=True)
-
-
-def config_of(content: dict[str, Any]) -> TrainConfig:
-    """The configuration with which a checkpoint was trained."""
-    return TrainConfig(**{**content["config"], "augment": AugmentConfig(**content["config"]["augment"])})
-
-
-def trained(folder: Path) -> tuple[KeypointNetwork, TrainConfig, dict[str, Any]]:
-    """Network for inference, configuration and checkpoint of a run."""
-    content = read_weights(folder)
-    config = config_of(content)
-    network = KeypointNetwork(NETWORKS[config.network])
-    load_into(network, content["network"])
-    return folded(network), config, content
-
-
-def detector(network: KeypointNetwork, mirrored: bool = False) -> Callable[[ByteArray], Detections]:
-    """Function that applies the current network as an exported one is applied."""
-    where = network.cell_x.device
-
-    def detect(crops: ByteArray) -> Detections:
-        network.eval()
-        with torch.no_grad():
-            decoded = network.detect(torch.from_numpy(crops).to(where), mirrored)
-        return Detections.of(*(value.double().cpu().numpy() for value in decoded))
-
-    return detect
-
-
-def learning_rate(config: TrainConfig, step: int, steps: int) -> float:
-    """Learning rate of a step: divided by 10 at 60/90 and 80/90 of the run, or a cosine after a warm-up."""
-    fraction = step / steps
-    if config.schedule == "steps":
-        return config.learning_rate * 0.1 ** ((fraction >= 60 / 90) + (fraction >= 80 / 90))
-    warm = min(1.0, (step + 1) / max(1.0, 0.02 * steps))
-    return config.learning_rate * warm * 0.5 * (1.0 + math.cos(math.pi * fraction))
-
-
-def _optimizer(network: KeypointNetwork, config: TrainConfig) -> torch.optim.Optimizer:
-    kinds: dict[str, Callable[..., torch.optim.Optimizer]] = {
-        "adam": torch.optim.Adam,
-        "adamw": torch.optim.AdamW,
-    }
-    if config.optimizer not in kinds:
-        raise input_error("optimizer", "adam or adamw", repr(config.optimizer))
-    return kinds[config.optimizer](
-        network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
-    )

@@ -15,7 +15,7 @@ from groundpose.lab.training.batches import Batcher
 from groundpose.lab.training.crops import Crops
 from groundpose.lab.training.evaluate import answers
 from groundpose.lab.training.export import export, metadata, quantise
-from groundpose.lab.training.loop import detector, trained
+from groundpose.lab.training.trained import detector, trained
 
 _CPU = torch.device("cpu")
 RANGES = 256

@@ -21,9 +21,9 @@ from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.image import as_rgb
 from groundpose.lab.data import data_folder
 from groundpose.lab.training.crops import Crops
-from groundpose.lab.training.loop import trained
 from groundpose.lab.training.networks import KeypointNetwork
 from groundpose.lab.training.streets import is_judged
+from groundpose.lab.training.trained import trained
 from groundpose.vehicles.classes import CLASSES
 
 _NAMES = ("length", "height", "width")
