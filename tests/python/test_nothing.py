@@ -153,7 +153,7 @@ def test_a_folder_of_another_drive_is_not_continued(tmp_path, monkeypatch):
         return crops.write_crops(tmp_path, source, "train", 1)
 
     assert [write(DriveSamples()), write(DriveSamples())] == [1, 0]
-    stated = f"rigs='mixed', frame_step={FRAME_STEP}, drive='{drive_version()}'"
+    stated = f"rigs='mixed', nothing=0.25, frame_step={FRAME_STEP}, drive='{drive_version()}'"
     assert stated in (tmp_path / "index.json").read_text()
     for other in (DriveSamples(frame_step=3), DriveSamples(rigs="car"), DriveSamples(drive="0" * 16)):
         with pytest.raises(gp.InputError, match="expected crops made with the same source"):

@@ -76,7 +76,9 @@ class FaceTable:
     def seen(self, aim: Aim) -> Faces:
         """The faces (N, 3), in their order, that may be turned to the eye and inside the window."""
         towards = np.array([*aim.eye, 1.0, aim.doubt], dtype=np.float32)
-        kept = self._planes @ towards > 0.0
+        # all numbers are finite, but BLAS may set the flag for what it reads beside a matrix of five columns
+        with np.errstate(invalid="ignore"):
+            kept = self._planes @ towards > 0.0
         sides = np.concatenate([aim.clip[3] + aim.clip[:2], aim.clip[3] - aim.clip[:2]])
         lengths = np.linalg.norm(sides[:, :3], axis=1, keepdims=True)
         inside = np.hstack([sides, lengths]).astype(np.float32) @ self._bounds
