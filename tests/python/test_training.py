@@ -519,13 +519,24 @@ def test_float32_export_is_the_network_to_the_bit_almost(tmp_path, mirrored):
     network = networks.folded(networks.KeypointNetwork(configs.NETWORKS["toy"]))
     index = {"source": "none", "seed": 0, "version": 1}
     said = metadata(Codec(), Calibration(), "", index, {}, {})
-    export(network, tmp_path / "n.onnx", said, half=False, mirrored=mirrored)
+    export(network, tmp_path / "n.onnx", said, stored="float32", mirrored=mirrored)
     pictures = np.random.default_rng(0).integers(0, 256, (3, 96, 128, 3), dtype=np.uint8)
     ours = trained.detector(network, mirrored)(pictures)
     theirs = Network(tmp_path / "n.onnx", threads=1).detect(pictures)
     np.testing.assert_allclose(theirs.keypoints, ours.keypoints, atol=3e-4)
     np.testing.assert_allclose(theirs.spread, ours.spread, atol=3e-4)
     np.testing.assert_allclose(theirs.class_probabilities, ours.class_probabilities, atol=1e-5)
+    np.testing.assert_allclose(theirs.vehicle, ours.vehicle, atol=1e-5)
+    np.testing.assert_allclose(theirs.viewing_angle, ours.viewing_angle, atol=1e-5)
+    sizes = {"float32": (tmp_path / "n.onnx").stat().st_size}
+    for stored, far in (("float16", 0.1), ("int8", 1.0)):
+        path = tmp_path / f"{stored}.onnx"
+        export(network, path, said, stored=stored, mirrored=mirrored)
+        sizes[stored] = path.stat().st_size
+        found = Network(path, threads=1).detect(pictures)
+        assert np.abs(found.keypoints - ours.keypoints).mean() < far
+        np.testing.assert_allclose(found.class_probabilities, ours.class_probabilities, atol=0.02)
+    assert sizes["int8"] < 0.7 * sizes["float16"] < 0.5 * sizes["float32"]
 
 
 def test_with_mirror_images_a_mirrored_crop_has_the_mirrored_answer():

@@ -128,6 +128,12 @@ def export(
     mirrored: Annotated[
         bool, typer.Option(help="Average with the mirror image: twice the time, fewer wrong keypoints.")
     ] = False,
+    stored: Annotated[
+        str,
+        typer.Option(
+            help="Type of the weights in the file: float32, float16 or int8; arithmetic is float32."
+        ),
+    ] = "float16",
     limit: Annotated[int | None, typer.Option(min=1, help="Largest number of crops to evaluate.")] = None,
     device: Annotated[str, typer.Option(help=_DEVICE)] = "auto",
 ) -> None:
@@ -149,6 +155,7 @@ def export(
             out,
             int8=int8,
             mirrored=mirrored,
+            stored=stored,
             command=command,
             limit=limit,
             device=device_named(device),

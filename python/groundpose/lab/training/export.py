@@ -44,7 +44,7 @@ def export(
     network: KeypointNetwork,
     path: Path,
     metadata: dict[str, str],
-    half: bool = True,
+    stored: str = "float16",
     mirrored: bool = False,
 ) -> None:
     """Write a network with folded normalisations as ONNX.
@@ -53,7 +53,7 @@ def export(
         network: see `networks.folded`.
         path: the file.
         metadata: see `metadata`.
-        half: store the weights as float16; they are cast when the file is loaded.
+        stored: type of the stored weights, one of `STORED`. They are made float32 when the file is loaded.
         mirrored: average with the maps of the mirror image: twice the time, fewer wrong keypoints.
     """
     example = torch.zeros(2, network.config.height, network.config.width, 3, dtype=torch.uint8)
@@ -72,8 +72,7 @@ def export(
         )
     assert program is not None
     model = program.model_proto
-    if half:
-        _halve(model)
+    STORED[stored](model)
     _describe(model, metadata)
     onnx.save(model, str(path))
 
@@ -143,7 +142,7 @@ def quantise(path: Path, out: Path, crops: ByteArray) -> None:
             reduce_range=True,  # 7 bits, because 8 bits overflow the 16-bit sums of processors without VNNI
         )
     model = onnx.load(str(out))
-    _halve(model)  # what is left in float32
+    _as_float16(model)  # what is left in float32
     _describe(model, {**said, "weights": "int8"})
     onnx.save(model, str(out))
 
@@ -159,16 +158,46 @@ def _describe(model: onnx.ModelProto, said: dict[str, str]) -> None:
         del value.metadata_props[:]
 
 
-def _halve(model: onnx.ModelProto) -> None:
+def _large(model: onnx.ModelProto, least: int = 64) -> list[TensorProto]:
+    """The float32 weights with more numbers than this."""
+    weights = model.graph.initializer
+    return [w for w in weights if w.data_type == TensorProto.FLOAT and np.prod(w.dims) > least]
+
+
+def _as_float16(model: onnx.ModelProto) -> None:
     """Store the weights of convolutions and linear layers as float16, followed by a Cast."""
-    graph = model.graph
-    large = [w for w in graph.initializer if w.data_type == TensorProto.FLOAT and np.prod(w.dims) > 64]
     casts = []
-    for weight in large:
+    for weight in _large(model):
         name, value = weight.name, numpy_helper.to_array(weight)
         weight.CopyFrom(numpy_helper.from_array(value.astype(np.float16), name + "_half"))
         casts.append(
             helper.make_node("Cast", [name + "_half"], [name], name=name + "_cast", to=TensorProto.FLOAT)
         )
-    for i, cast in enumerate(casts):
-        graph.node.insert(i, cast)
+    _insert(model, casts)
+
+
+def _as_int8(model: onnx.ModelProto) -> None:
+    """Store weights as int8 with a factor for each output channel; what is smaller as float16."""
+    nodes = []
+    for weight in _large(model, 2000):
+        name, value = weight.name, numpy_helper.to_array(weight)
+        if value.ndim < 2:
+            continue
+        factors = np.maximum(np.abs(value.reshape(len(value), -1)).max(axis=1), 1e-12) / 127.0
+        whole = np.rint(value / factors.reshape(-1, *[1] * (value.ndim - 1))).astype(np.int8)
+        weight.CopyFrom(numpy_helper.from_array(whole, name + "_whole"))
+        model.graph.initializer.append(numpy_helper.from_array(factors.astype(np.float32), name + "_factors"))
+        given = [name + "_whole", name + "_factors"]
+        nodes.append(helper.make_node("DequantizeLinear", given, [name], name=name + "_float", axis=0))
+    _insert(model, nodes)
+    _as_float16(model)
+
+
+def _insert(model: onnx.ModelProto, nodes: list[onnx.NodeProto]) -> None:
+    """Put nodes before all others."""
+    for i, node in enumerate(nodes):
+        model.graph.node.insert(i, node)
+
+
+STORED = {"float32": lambda model: None, "float16": _as_float16, "int8": _as_int8}
+"""Types in which weights are stored. Arithmetic is float32 with each of them."""

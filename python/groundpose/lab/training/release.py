@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from groundpose._checks import input_error
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.network import Network
 from groundpose.lab.training.batches import Batcher
 from groundpose.lab.training.crops import Crops
 from groundpose.lab.training.evaluate import answers
-from groundpose.lab.training.export import export, metadata, quantise
+from groundpose.lab.training.export import STORED, export, metadata, quantise
 from groundpose.lab.training.trained import detector, trained
 
 _CPU = torch.device("cpu")
@@ -39,6 +40,7 @@ def release(
     *,
     int8: Path | None = None,
     mirrored: bool = False,
+    stored: str = "float16",
     command: str = "",
     limit: int | None = None,
     device: torch.device = _CPU,
@@ -48,7 +50,7 @@ def release(
     Args:
         run: folder of the run. data: folder of crops.
         path: ONNX file to write. int8: quantised file to write, or None.
-        mirrored: see `export`.
+        mirrored, stored: see `export`.
         command: that trained the network, for the metadata.
         limit: largest number of crops for calibration and for evaluation.
         device: where the network runs meanwhile.
@@ -56,8 +58,10 @@ def release(
     Scores are calibrated on the validation crops; metrics are of the test crops if there are any.
 
     Raises:
-        InputError: no run, no crops.
+        InputError: no run, no crops, an unknown type of stored weights.
     """
+    if stored not in STORED:
+        raise input_error("stored", f"one of {', '.join(STORED)}", repr(stored))
     network, _, content = trained(run)
     codec = Codec(network.config.width, network.config.height)
     validation = Crops(data, "validation", limit)
@@ -73,7 +77,7 @@ def release(
         "earlier_run": json.dumps(content["before"]),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    export(network.cpu(), path, said, mirrored=mirrored)
+    export(network.cpu(), path, said, stored=stored, mirrored=mirrored)
     if int8 is None:
         return Released(path, metrics, None, {})
     quantise(path, int8, _pictures(Crops(data, "train", RANGES), codec))
