@@ -245,11 +245,17 @@ def test_arguments_that_are_refused(path, pipeline):
 def test_calibration_recovers_the_chances():
     rng = np.random.default_rng(0)
     spread = np.exp(rng.normal(-2.5, 0.8, (400, K)))
-    found = Detections.of(np.zeros((400, K, 2)), spread, rng.uniform(0.01, 1.0, (400, K)), np.zeros((400, 4)))
-    true = Calibration(-6.0, -2.5, 0.5)
+    peak = rng.uniform(0.01, 0.99, (400, K))
+    peak[:, ::3] = 1.0  # outside the crop
+    found = Detections.of(np.zeros((400, K, 2)), spread, peak, np.zeros((400, 4)))
+    true = Calibration(-6.0, -2.5, 0.5, -4.0, -1.0)
     chance = true.scores(found, np.ones(400))
     fitted = Calibration.fit(found, np.ones(400), rng.random((400, K)) < chance, np.ones((400, K), bool))
-    np.testing.assert_allclose([fitted.bias, fitted.spread, fitted.peak], [-6.0, -2.5, 0.5], atol=0.3)
+    np.testing.assert_allclose(fitted.numbers, true.numbers, atol=0.4)
+    assert Calibration.of(fitted.numbers) == fitted
+    first = Calibration.of([-6.0, -2.5, 0.5])  # of a file that states nothing outside
+    at_one = first.scores(Detections.of(np.zeros((1, 1, 2)), [[0.1]], [[1.0]], np.zeros((1, 4))), np.ones(1))
+    np.testing.assert_allclose(at_one, 1.0 / (1.0 + np.exp(6.0 + 2.5 * np.log(0.1))))
     assert np.all((chance >= 0.0) & (chance <= 1.0))
     constant = Calibration.fit(found, np.ones(400), np.ones((400, K), bool), np.ones((400, K), bool))
-    assert np.isfinite([constant.bias, constant.spread, constant.peak]).all()
+    assert np.isfinite(constant.numbers).all()

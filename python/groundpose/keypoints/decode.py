@@ -58,38 +58,61 @@ class Detections:
 @dataclass(frozen=True)
 class Calibration:
     """From spread and peak of a heat map to a score: the probability of an error below 0.0375 of the box's
-    longer side, `1 / (1 + exp(-(bias + spread * log(spread / side) + peak * log(peak))))`."""
+    longer side, `1 / (1 + exp(-(bias + spread * log(spread / side) + peak * log(peak))))`.
+
+    A keypoint that the network states outside the crop has no heat map (peak 1): for it the exponent is
+    `outside_bias + outside_spread * log(spread / side)`.
+    """
 
     bias: float = -6.0
     spread: float = -2.0
     peak: float = 0.0
+    outside_bias: float = -8.0
+    outside_spread: float = -2.0
 
     def scores(self, detections: Detections, sides: FloatArray) -> FloatArray:
         """Scores (N, K), 0 to 1, for boxes whose longer sides (N,) are given in crop pixels."""
-        logit = _features(detections, sides) @ np.array([self.bias, self.spread, self.peak])
+        features = _features(detections, sides)
+        inside = features @ np.array([self.bias, self.spread, self.peak])
+        outside = self.outside_bias + self.outside_spread * features[..., 1]
+        logit = np.where(detections.peak >= 1.0, outside, inside)
         return np.asarray(0.5 * (1.0 + np.tanh(0.5 * logit)))
 
     @classmethod
     def fit(
         cls, detections: Detections, sides: FloatArray, good: NDArray[np.bool_], own: NDArray[np.bool_]
     ) -> Calibration:
-        """Logistic regression of `good` (N, K) on the keypoints `own` (N, K), by Newton's method."""
-        x, y = _features(detections, sides)[own], good[own].astype(np.float64)
-        theta, ridge = np.zeros(x.shape[1]), 1e-3 * np.eye(x.shape[1])
-        for _ in range(50):
-            p = 0.5 * (1.0 + np.tanh(0.5 * (x @ theta)))
-            hessian = (x * (p * (1.0 - p))[:, None]).T @ x + ridge
-            step = np.linalg.solve(hessian, x.T @ (y - p) - ridge @ theta)
-            theta = theta + step * min(1.0, 2.0 / np.abs(step).max(initial=1e-12))
-            if np.abs(step).max() < 1e-9:
-                break
-        return cls(*theta.tolist())
+        """Logistic regressions of `good` (N, K) on the keypoints `own` (N, K), in the crop and outside."""
+        features, outside = _features(detections, sides), own & (detections.peak >= 1.0)
+        within = own & ~outside
+        beyond = _logistic(features[outside][:, :2], good[outside]) if outside.any() else []
+        return cls(*_logistic(features[within], good[within]), *beyond)
 
     @classmethod
     def of(cls, numbers: Sequence[float]) -> Calibration:
-        """From `bias, spread, peak`."""
-        bias, spread, peak = numbers
-        return cls(float(bias), float(spread), float(peak))
+        """From its five numbers, or from the first three, of files that state nothing outside the crop."""
+        bias, spread, peak, *outside = (float(number) for number in numbers)
+        return cls(bias, spread, peak, *(outside or (bias, spread)))
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The five, for `of`."""
+        return self.bias, self.spread, self.peak, self.outside_bias, self.outside_spread
+
+
+def _logistic(x: FloatArray, good: NDArray[np.bool_]) -> list[float]:
+    """Logistic regression of `good` (M,) on features (M, F), by Newton's method."""
+    y = good.astype(np.float64)
+    theta, ridge = np.zeros(x.shape[1]), 1e-3 * np.eye(x.shape[1])
+    for _ in range(50):
+        p = 0.5 * (1.0 + np.tanh(0.5 * (x @ theta)))
+        hessian = (x * (p * (1.0 - p))[:, None]).T @ x + ridge
+        step = np.linalg.solve(hessian, x.T @ (y - p) - ridge @ theta)
+        theta = theta + step * min(1.0, 2.0 / np.abs(step).max(initial=1e-12))
+        if np.abs(step).max() < 1e-9:
+            break
+    found: list[float] = theta.tolist()
+    return found
 
 
 def _features(detections: Detections, sides: FloatArray) -> FloatArray:

@@ -86,13 +86,12 @@ def metadata(
     metrics: dict[str, float],
 ) -> dict[str, str]:
     """Metadata of a file; `data` is the index of the crops, with source and seed."""
-    numbers = [calibration.bias, calibration.spread, calibration.peak]
     said: dict[str, Any] = {
         "mean": MEAN,
         "std": STD,
         "keypoints": [keypoint.name for keypoint in KEYPOINTS],
         "kinds": CLASSES,
-        "score_calibration": numbers,
+        "score_calibration": calibration.numbers,
         "data": {name: data[name] for name in ("source", "seed", "version")},
         "config": config,
         "metrics": {name: round(value, 6) for name, value in metrics.items()},
