@@ -238,16 +238,16 @@ class Trainer:
             self._average()
         return losses
 
-    @torch.no_grad()
     def _average(self) -> None:
         """Move the averaged weights towards the trained ones; faster in the beginning, when all is new."""
         kept = min(self.config.average, (1 + self.step) / (10 + self.step)) ** _AVERAGED_EVERY
         new = self.network.state_dict()
-        for name, value in self.averaged.state_dict().items():
-            if value.dtype.is_floating_point:
-                value.lerp_(new[name], 1.0 - kept)
-            else:
-                value.copy_(new[name])
+        with torch.no_grad():
+            for name, value in self.averaged.state_dict().items():
+                if value.dtype.is_floating_point:
+                    value.lerp_(new[name], 1.0 - kept)
+                else:
+                    value.copy_(new[name])
 
     def _make(self, step: int) -> Batch:
         """The batch of a step."""
