@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress
 from rich.table import Table
 
 from groundpose.cli.output import console, mistakes
+from groundpose.cli.progress import bar
 
 RESULTS, PAGE, FIGURES = Path("results/experiments"), Path("docs/experiments.md"), Path("docs/experiments")
 SIMULATED_PAGE = Path("docs/experiments_simulated.md")
@@ -105,7 +106,7 @@ def _run(
 
     names = list(EXPERIMENTS) if what is What.ALL else [what.value]
     trials = min(trials, QUICK_TRIALS) if what is What.QUICK else trials
-    with _bars() as progress:
+    with bar() as progress:
         for name in names:
             store = run(name, trials, seed, out, wanted, jobs, fresh, _advance(progress, name))
             typer.echo(f"{name}: {store.path}")
@@ -117,7 +118,7 @@ def _run_simulated(
     """G1 or G2."""
     from groundpose.lab.evaluate.simulated.run import VEHICLES, run
 
-    with _bars() as progress:
+    with bar() as progress:
         store = run(name, trials or VEHICLES, seed, out, wanted, fresh, _advance(progress, name))
         typer.echo(f"{name}: {store.path}")
 
@@ -129,20 +130,13 @@ def _write_simulated(out: Path, page: Path) -> None:
     typer.echo(f"Page: {writer.write(out, page)}")
 
 
-def _bars() -> Progress:
-    """Progress on a terminal."""
-    screen = console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=screen, disable=not screen.is_terminal)
-
-
 def _advance(progress: Progress, name: str) -> Callable[[int, int, str], None]:
     """A bar for one experiment."""
-    bar = progress.add_task(name, total=None)
+    task = progress.add_task(name, total=None)
 
     def advance(done: int, total: int, text: str) -> None:
         description = f"{name} {text}" if done < total else name
-        progress.update(bar, completed=done, total=total, description=description)
+        progress.update(task, completed=done, total=total, description=description)
 
     return advance
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from groundpose._core import InputError
-from groundpose.cli.output import complain, console, mistakes, refuse
+from groundpose.cli.output import complain, mistakes, refuse
+from groundpose.cli.progress import bar
 
 RANGE = "LOW..HIGH|VALUE"
 
@@ -148,16 +148,14 @@ def _run(frames: int, out: Path, settings: dict[str, object], jobs: int) -> None
     made = Settings(**settings)  # type: ignore[arg-type]
     if out.exists() and not out.is_dir():
         refuse(f"--out {out}: is a file; give a folder")
-    screen = console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     done = 0
-    with Progress(*columns, console=screen, disable=not screen.is_terminal) as progress:
-        bar = progress.add_task("frames", total=frames)
+    with bar() as progress:
+        task = progress.add_task("frames", total=frames)
 
         def advance(now: int, total: int, objects: int) -> None:
             nonlocal done
             done = now
-            progress.update(bar, completed=now, total=total, description=f"frames ({objects} objects)")
+            progress.update(task, completed=now, total=total, description=f"frames ({objects} objects)")
 
         try:
             objects = write_drive(out, frames, made, jobs, advance)

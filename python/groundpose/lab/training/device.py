@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from groundpose._checks import input_error
+from groundpose.lab.drive.render.device import DEVICES
 from groundpose.lab.training.crops import Crops
 
-DEVICES = ("auto", "cpu", "cuda")
 _LOADED = 1000  # crops copied to the device at a time
 
 

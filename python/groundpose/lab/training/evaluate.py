@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.decode import VIEWING_ANGLES, Calibration, Detections
+from groundpose.keypoints.network import VEHICLE_THRESHOLD
 from groundpose.lab.drive import HIDDEN, VISIBLE
 from groundpose.lab.metrics import RELATIVE_THRESHOLD
 from groundpose.lab.training.crops import NOTHING, Crops, Records
@@ -94,9 +95,9 @@ class Answers:
             numbers | self._vehicle_or_nothing() | self._viewing_angles() | _ranking(scores[own], good[own])
         )
 
-    def _vehicle_or_nothing(self, threshold: float = 0.5) -> dict[str, float]:
+    def _vehicle_or_nothing(self) -> dict[str, float]:
         """Fractions of vehicles called nothing, and of boxes without one called a vehicle."""
-        said, vehicles = self.detections.vehicle >= threshold, self.vehicles
+        said, vehicles = self.detections.vehicle >= VEHICLE_THRESHOLD, self.vehicles
         numbers = {"vehicles_missed": float((~said[vehicles]).mean())}
         if not vehicles.all():
             numbers["nothing_taken"] = float(said[~vehicles].mean())

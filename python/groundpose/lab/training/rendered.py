@@ -37,29 +37,32 @@ def drawn_frames(
 
 def vehicle_samples(frame: Scene, codec: Codec) -> Iterator[Sample]:
     """The vehicles of a frame used for training."""
+    return (vehicle_sample(frame, label, codec) for label in labels(frame) if _useful(label))
+
+
+def vehicle_sample(frame: Scene, label: Label, codec: Codec) -> Sample:
+    """The crop of a labelled vehicle of a frame, drawn, and its record."""
     assert frame.camera.image_size is not None
-    for label in filter(_useful, labels(frame)):
-        window = codec.windows(label.bbox[None])[0]
-        image = renderer().crop(frame, label.index, window, (codec.width, codec.height))
-        yield Sample(
-            image,
-            record(
-                keypoints=label.keypoints_2d,
-                state=label.keypoint_states,
-                class_name=label.class_name,
-                box=label.bbox,
-                window=window,
-                image_size=frame.camera.image_size,
-                frame=frame.number,
-                object=label.index,
-                occluded=label.occluded_share,
-                truncation=label.truncation,
-                alpha=label.alpha,
-                size=label.size,
-                style=STYLE_NAMES.index(label.style),
-                camera=(frame.height, frame.pitch, frame.roll, frame.camera.fx),
-            ),
-        )
+    window = codec.windows(label.bbox[None])[0]
+    return Sample(
+        renderer().crop(frame, label.index, window, (codec.width, codec.height)),
+        record(
+            keypoints=label.keypoints_2d,
+            state=label.keypoint_states,
+            class_name=label.class_name,
+            box=label.bbox,
+            window=window,
+            image_size=frame.camera.image_size,
+            frame=frame.number,
+            object=label.index,
+            occluded=label.occluded_share,
+            truncation=label.truncation,
+            alpha=label.alpha,
+            size=label.size,
+            style=STYLE_NAMES.index(label.style),
+            camera=(frame.height, frame.pitch, frame.roll, frame.camera.fx),
+        ),
+    )
 
 
 def _useful(label: Label) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from groundpose import estimate_poses
 from groundpose._checks import FloatArray
 from groundpose.keypoints.decode import VIEWING_ANGLES
-from groundpose.keypoints.network import Network
+from groundpose.keypoints.network import VEHICLE_THRESHOLD, Network
 from groundpose.lab.evaluate.networks.renders import Renders
 from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg
 from groundpose.lab.training.evaluate import Answers, answers
@@ -20,7 +20,6 @@ from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
 TURNED_DEG = 90.0
 SAYS_TURNED = 0.2
 """Probability of the other half of the viewing angles from which the network disagrees with a pose."""
-CALLED_NONE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +42,7 @@ class Judged:
             "mean_e_r_deg": float(np.mean(self.rotation_error)),
             "yaw_above_30_deg": float(np.mean(self.yaw_error > 30.0)),
             "class_accuracy": float(np.mean(self.class_right)),
-            "called_none": float(np.mean(self.vehicle < CALLED_NONE)),
+            "called_none": float(np.mean(self.vehicle < VEHICLE_THRESHOLD)),
         }
 
     def turned(self) -> dict[str, Any]:

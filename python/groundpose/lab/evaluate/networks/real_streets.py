@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from groundpose.keypoints.network import Network
+from groundpose.keypoints.network import VEHICLE_THRESHOLD, Network
 from groundpose.keypoints.pipeline import Pipeline
-from groundpose.lab.evaluate.networks.judged import CALLED_NONE
 from groundpose.lab.training.streets import Judged, judge, looks, streets, summary
 
 LOOKS = 6
@@ -36,7 +35,9 @@ def measure(network: Network, frames: Path) -> dict[str, Any]:
 
 def called_none(judged: list[Judged]) -> float:
     """Percentage of vehicles in whose box the network sees none."""
-    return float(100 * np.mean(np.concatenate([j.poses.vehicle_probability for j in judged]) < CALLED_NONE))
+    return float(
+        100 * np.mean(np.concatenate([j.poses.vehicle_probability for j in judged]) < VEHICLE_THRESHOLD)
+    )
 
 
 def by_height(judged: list[Judged]) -> dict[str, dict[str, float]]:

@@ -17,7 +17,8 @@ from groundpose._checks import FloatArray, input_error
 from groundpose.keypoints.codec import Codec
 from groundpose.lab.drive import Label, labels, scene, scene_seed
 from groundpose.lab.drive.rigs import CAMERA, Range, Rig
-from groundpose.lab.training.crops import Crops, Records, Sample, record, write_crops
+from groundpose.lab.training.crops import Crops, Records, Sample, write_crops
+from groundpose.lab.training.rendered import drawn_frames, vehicle_sample
 
 SPLIT, SEED = "test", 0
 FRAME_STEP, FRAMES_PER_SHARD, MOST_FRAMES = 10, 10, 1000
@@ -47,30 +48,9 @@ class Wanted:
 
     def __call__(self, seed: int, split: str, first: int, count: int, codec: Codec) -> Iterator[Sample]:
         """Crops of the vehicles in `count` frames, every `FRAME_STEP`-th of the drives."""
-        from groundpose.lab.training.rendered import renderer
-
-        for number in range(first * FRAME_STEP, (first + count) * FRAME_STEP, FRAME_STEP):
-            frame = scene(scene_seed(seed, split), number, rigs=((1.0, self.rig),))
-            assert frame.camera.image_size is not None
+        for frame in drawn_frames(seed, split, first, count, ((1.0, self.rig),), FRAME_STEP):
             for label in [label for label in labels(frame) if self._has(label)][:PER_FRAME]:
-                window = codec.windows(label.bbox[None])[0]
-                yield Sample(
-                    renderer().crop(frame, label.index, window, (codec.width, codec.height)),
-                    record(
-                        keypoints=label.keypoints_2d,
-                        state=label.keypoint_states,
-                        class_name=label.class_name,
-                        box=label.bbox,
-                        window=window,
-                        image_size=frame.camera.image_size,
-                        frame=frame.number,
-                        object=label.index,
-                        occluded=label.occluded_share,
-                        truncation=label.truncation,
-                        alpha=label.alpha,
-                        camera=(frame.height, frame.pitch, frame.roll, frame.camera.fx),
-                    ),
-                )
+                yield vehicle_sample(frame, label, codec)
 
     def _has(self, label: Label) -> bool:
         """Whether the set has this vehicle."""
