@@ -15,6 +15,9 @@ pub(crate) const HRE_THRESHOLDS: [f64; 3] = [1.0, 1.5, 3.0];
 /// Without a box, the extent of the keypoints stands for it: one in so many is left out at either end, so that a few
 /// wrong keypoints do not stretch it. Chosen by hand.
 pub(crate) const EXTENT_LEAVES_OUT: usize = 10;
+/// Keypoints all as near to one of them as this fraction of the longer side of the 2D box say nothing of a pose: of V1's
+/// objects none has its keypoints within a third. Chosen by hand.
+pub(crate) const COLLAPSED: f64 = 0.1;
 /// Sides of a 2D box this close to the image border, pixels, are cut by it. Chosen by hand.
 pub(crate) const BORDER_PX: f64 = 1.5;
 
@@ -140,6 +143,28 @@ pub(crate) const DOUBTFUL: f64 = -6.0;
 pub(crate) const SECOND_TRY: f64 = 0.7;
 /// An object looks at least so large, as a fraction of its 2D box. Chosen by hand.
 pub(crate) const SMALLEST_LOOK: f64 = 0.5;
+
+// The last try, without the ground. Chosen on the scenes of `groundpose evaluate silent`, whose nominal tilt is wrong.
+
+/// More false alarms (log10) do not convince: 1 % of V1's answers have more than -5.
+pub(crate) const UNCONVINCING: f64 = -3.0;
+/// Nor does a larger misfit of the 2D box (root mean square of the sides, as a fraction of the longer one): 1 % of V1's
+/// answers have more, and 90 % of those that the ground misled.
+pub(crate) const MISFIT_UNCONVINCING: f64 = 0.035;
+/// The largest misfit of a pose that the ground does not hold: with the model of another class it bends to any keypoints,
+/// but not to the box.
+pub(crate) const MISFIT_WITHOUT_GROUND: f64 = 0.05;
+/// What the third keypoint of a sample says without meaning it (log10 of false alarms): it fits whatever it is.
+pub(crate) const THIRD_KEYPOINT: f64 = 2.0;
+/// What a last try has to be better by (log10 of false alarms): the third keypoint, and the price of another try. The box
+/// may make up for the first, not for the second: it may be that of the visible part alone.
+pub(crate) const LAST_TRY: f64 = THIRD_KEYPOINT + SECOND_TRY;
+/// Most draws: of one keypoint in four that is right, three at once come up with probability 0.99.
+pub(crate) const LAST_DRAWS: usize = 50;
+/// Standard deviation of a side when poses with and without the ground are compared, as a fraction of the longer side,
+/// and most standard deviations that count.
+pub(crate) const MISFIT_SIGMA: f64 = 0.02;
+pub(crate) const MISFIT_CUT: f64 = 4.0;
 
 // The tilt of a frame.
 

@@ -89,7 +89,7 @@ impl Estimate {
 /// It does not, or it has no numbers.
 #[inline(never)]
 pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory) -> Result<Estimate, NoPose> {
-    let Verified { refined, solver, ransac, noise, log10_nfa } = verified;
+    let Verified { refined, solver, ransac, noise, log10_nfa, .. } = verified;
     let (state, threshold) = (&refined.state, object.inlier_threshold);
     if !state.pose.is_rigid() {
         return Err(NoPose::Degenerate);

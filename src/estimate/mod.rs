@@ -8,6 +8,7 @@ pub mod batch;
 pub mod describe;
 pub mod estimator;
 pub mod frame_tilt;
+pub(crate) mod looks;
 pub(crate) mod object;
 pub mod options;
 pub(crate) mod pipeline;

@@ -1,6 +1,7 @@
 //! Third step: how a pose stands against chance.
 
 use crate::estimate::attempt::Attempt;
+use crate::estimate::looks::{log10_against, misfit};
 use crate::estimate::object::{Memory, Object};
 use crate::estimate::options::Solver;
 use crate::estimate::refine::Refined;
@@ -8,7 +9,7 @@ use crate::estimate::search::Hypotheses;
 use crate::search::false_alarms::Consensus;
 use crate::search::noise::Noise;
 use crate::search::ransac::RansacStatistics;
-use crate::tuning::OTHER_WAY;
+use crate::tuning::{OTHER_WAY, THIRD_KEYPOINT};
 
 /// A refined pose and what speaks for it.
 #[derive(Clone, Copy)]
@@ -20,6 +21,25 @@ pub(crate) struct Verified {
     pub(crate) noise: Noise,
     /// Log10 of the number of poses as good as this one to expect among random keypoints.
     pub(crate) log10_nfa: f64,
+    /// Of the 2D box, as a fraction of its longer side.
+    pub(crate) misfit: f64,
+}
+
+impl Verified {
+    /// Whether keypoints and box speak more for it, a pose without the ground, than for one on the ground, and the
+    /// keypoints alone at least as much.
+    pub(crate) fn convinces_more_than(&self, on_ground: &Self) -> bool {
+        let against = |pose: &Self| pose.log10_nfa + log10_against(pose.misfit);
+        self.log10_nfa < on_ground.log10_nfa + THIRD_KEYPOINT && against(self) < against(on_ground)
+    }
+
+    /// With another one as its runner-up where that faces another way.
+    pub(crate) fn over(mut self, other: &Self) -> Self {
+        let other_way = self.refined.state.pose.forward_cosine(&other.refined.state.pose) < OTHER_WAY;
+        let other = if other_way { other.refined.cost } else { other.refined.runner_up };
+        self.refined.runner_up = self.refined.runner_up.min(other);
+        self
+    }
 }
 
 /// The pose with its noise and its number of false alarms; none where its attempt may not find it.
@@ -30,7 +50,8 @@ pub(crate) fn verify(
     refined: Refined,
     memory: &mut Memory,
 ) -> Option<Verified> {
-    if !attempt.allows(&refined.state.pose) {
+    let misfit = misfit(object, &refined.state);
+    if !attempt.allows(&refined.state.pose, misfit) {
         return None;
     }
     let &Hypotheses { solver, ransac, .. } = hypotheses;
@@ -47,15 +68,12 @@ pub(crate) fn verify(
         sample: solver.sample_size(),
     };
     let log10_nfa = consensus.log10_nfa(points) + attempt.price;
-    Some(Verified { refined, solver, ransac, noise, log10_nfa })
+    Some(Verified { refined, solver, ransac, noise, log10_nfa, misfit })
 }
 
 /// The one that chance explains less, with the other as its runner-up where it faces another way.
 pub(crate) fn better(first: Option<Verified>, second: Option<Verified>) -> Option<Verified> {
     let (Some(first), Some(second)) = (first, second) else { return first.or(second) };
     let is_first = first.log10_nfa <= second.log10_nfa || second.log10_nfa.is_nan();
-    let (mut best, other) = if is_first { (first, second.refined) } else { (second, first.refined) };
-    let other_way = best.refined.state.pose.forward_cosine(&other.state.pose) < OTHER_WAY;
-    best.refined.runner_up = best.refined.runner_up.min(if other_way { other.cost } else { other.runner_up });
-    Some(best)
+    Some(if is_first { first.over(&second) } else { second.over(&first) })
 }
