@@ -2,27 +2,56 @@
 
 use crate::estimate::object::Object;
 use crate::estimate::refine::priors;
+use crate::geometry::bbox::Bbox;
 use crate::geometry::math::{sqrt, square};
+use crate::refine::box_sides::Sides;
 use crate::refine::normal::State;
 use crate::refine::priors::{PriorTerms, Priors};
 use crate::simd::lanes::LANES;
-use crate::tuning::{MISFIT_CUT, MISFIT_SIGMA};
+use crate::tuning::{MISFIT_CUT, MISFIT_SIGMA, SMALLEST_LOOK};
 
-/// Root mean square of the distances between the usable sides of the 2D box and those of the projected 3D box, as a
-/// fraction of the longer side; zero where no side is known, infinite where a corner is behind the camera.
-pub(crate) fn misfit(object: &Object, state: &State) -> f64 {
-    let Some(longer_side) = object.observation.bbox().and_then(|bbox| bbox.longer_side()) else { return 0.0 };
-    // Where the box only makes hypotheses, its sides still tell how well it agrees.
-    let priors = Priors { bbox_sigma: 1.0, ..priors(object, 1.0) };
-    let terms = PriorTerms { unit: object.unit, priors: &priors, view: object.view, model: object.observation.model() };
-    let Some(sides) = terms.sides(state) else { return f64::INFINITY };
-    let (residuals, known) = (sides.residuals(), sides.block.weight.0);
-    let squares: f64 = (0..LANES).map(|side| known[side] * square(residuals[side])).sum();
-    sqrt(squares / known.iter().sum::<f64>().max(1.0)) / longer_side
+/// The sides of the projected 3D box against the usable ones of the 2D box.
+#[derive(Clone, Copy)]
+pub(crate) struct Looks {
+    /// Root mean square of their distances, as a fraction of the longer side; none where no side is known, or a corner
+    /// is behind the camera.
+    pub(crate) misfit: Option<f64>,
+    /// Whether the projected box is far smaller along all directions that are known.
+    pub(crate) too_small: bool,
 }
 
-/// What a misfit says against a pose: log10 of the likelihood of four sides that agree against that of its own.
-pub(crate) fn log10_against(misfit: f64) -> f64 {
-    let sigmas = (misfit / MISFIT_SIGMA).min(MISFIT_CUT);
-    0.5 * LANES as f64 * square(sigmas) / core::f64::consts::LN_10
+impl Looks {
+    pub(crate) fn of(object: &Object, state: &State) -> Self {
+        let nothing = Self { misfit: None, too_small: false };
+        let Some(longer_side) = object.given_bbox().longer_side() else { return nothing };
+        // Where the box only makes hypotheses, its sides still tell how well it agrees.
+        let priors = Priors { bbox_sigma: 1.0, ..priors(object, 1.0) };
+        let (unit, view, model) = (object.unit, object.view, object.observation.model());
+        let Some(sides) = (PriorTerms { unit, priors: &priors, view, model }).sides(state) else { return nothing };
+        let too_small = is_too_small(&sides, &object.usable_bbox);
+        Self { misfit: rms(&sides).map(|rms| rms / longer_side), too_small }
+    }
+
+    /// What they say against a pose: log10 of the likelihood of four sides that agree against that of sides with this
+    /// misfit.
+    pub(crate) fn log10_against(&self) -> f64 {
+        let sigmas = (self.misfit.unwrap_or(0.0) / MISFIT_SIGMA).min(MISFIT_CUT);
+        0.5 * LANES as f64 * square(sigmas) / core::f64::consts::LN_10
+    }
+}
+
+/// Root mean square over the known sides, pixels.
+fn rms(sides: &Sides) -> Option<f64> {
+    let (residuals, known) = (sides.residuals(), sides.block.weight.0);
+    let count: f64 = known.iter().sum();
+    let squares: f64 = (0..LANES).map(|side| known[side] * square(residuals[side])).sum();
+    (count > 0.0).then(|| sqrt(squares / count))
+}
+
+fn is_too_small(sides: &Sides, usable: &Bbox) -> bool {
+    let [left, top, right, bottom] = sides.residuals();
+    let looks = [(usable.right - usable.left, right - left), (usable.bottom - usable.top, bottom - top)];
+    // NaN: a side is unknown
+    let known = || looks.iter().filter(|(given, _)| !given.is_nan());
+    known().next().is_some() && known().all(|(given, longer_by)| given + longer_by < SMALLEST_LOOK * given)
 }

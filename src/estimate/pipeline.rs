@@ -24,7 +24,7 @@ pub(crate) fn estimate(object: &Object, memory: &mut Memory) -> Result<Estimate,
         answer(object, &attempt, noise_sigma, memory)
     });
     let best = better(first, second);
-    let Some((attempt, options)) = attempt.last(object, best.as_ref().map(|best| [best.log10_nfa, best.misfit])) else {
+    let Some((attempt, options)) = attempt.last(object, best.as_ref()) else {
         // What is said of it: residuals, score, covariances, ambiguity.
         return describe(object, &best.ok_or(NoPose::NoHypothesis)?, memory);
     };

@@ -1,10 +1,10 @@
 //! Third step: how a pose stands against chance.
 
 use crate::estimate::attempt::Attempt;
-use crate::estimate::looks::{log10_against, misfit};
+use crate::estimate::looks::Looks;
 use crate::estimate::object::{Memory, Object};
 use crate::estimate::options::Solver;
-use crate::estimate::refine::Refined;
+use crate::estimate::refine::{Refined, RunnerUp};
 use crate::estimate::search::Hypotheses;
 use crate::search::false_alarms::Consensus;
 use crate::search::noise::Noise;
@@ -21,23 +21,23 @@ pub(crate) struct Verified {
     pub(crate) noise: Noise,
     /// Log10 of the number of poses as good as this one to expect among random keypoints.
     pub(crate) log10_nfa: f64,
-    /// Of the 2D box, as a fraction of its longer side.
-    pub(crate) misfit: f64,
+    /// The projected 3D box beside the 2D box.
+    pub(crate) looks: Looks,
 }
 
 impl Verified {
     /// Whether keypoints and box speak more for it, a pose without the ground, than for one on the ground, and the
     /// keypoints alone at least as much.
     pub(crate) fn convinces_more_than(&self, on_ground: &Self) -> bool {
-        let against = |pose: &Self| pose.log10_nfa + log10_against(pose.misfit);
+        let against = |pose: &Self| pose.log10_nfa + pose.looks.log10_against();
         self.log10_nfa < on_ground.log10_nfa + THIRD_KEYPOINT && against(self) < against(on_ground)
     }
 
     /// With another one as its runner-up where that faces another way.
     pub(crate) fn over(mut self, other: &Self) -> Self {
         let other_way = self.refined.state.pose.forward_cosine(&other.refined.state.pose) < OTHER_WAY;
-        let other = if other_way { other.refined.cost } else { other.refined.runner_up };
-        self.refined.runner_up = self.refined.runner_up.min(other);
+        let other = if other_way { Some(other.refined.as_runner_up()) } else { other.refined.runner_up };
+        self.refined.runner_up = RunnerUp::better(self.refined.runner_up, other);
         self
     }
 }
@@ -50,8 +50,8 @@ pub(crate) fn verify(
     refined: Refined,
     memory: &mut Memory,
 ) -> Option<Verified> {
-    let misfit = misfit(object, &refined.state);
-    if !attempt.allows(&refined.state.pose, misfit) {
+    let looks = Looks::of(object, &refined.state);
+    if !attempt.allows(&refined.state.pose, &looks) {
         return None;
     }
     let &Hypotheses { solver, ransac, .. } = hypotheses;
@@ -68,7 +68,7 @@ pub(crate) fn verify(
         sample: solver.sample_size(),
     };
     let log10_nfa = consensus.log10_nfa(points) + attempt.price;
-    Some(Verified { refined, solver, ransac, noise, log10_nfa, misfit })
+    Some(Verified { refined, solver, ransac, noise, log10_nfa, looks })
 }
 
 /// The one that chance explains less, with the other as its runner-up where it faces another way.

@@ -7,7 +7,7 @@ use crate::model::shape_model::ShapeModel;
 /// Keypoints, scores and box of one object in one image.
 ///
 /// ```
-/// use groundpose::{Bbox, Observation, ShapeModel};
+/// use groundpose::{Bbox, Observation, ShapeModel, VIEWING_ANGLES};
 ///
 /// let points = [[-0.8, -0.3, 1.35], [0.8, -0.3, 1.35], [0.5, -1.4, -1.3]];
 /// let model = ShapeModel::rigid(&points, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?;
@@ -23,6 +23,11 @@ use crate::model::shape_model::ShapeModel;
 /// assert_eq!(observation.model().keypoint_count(), 3);
 /// assert_eq!(observation.inlier_threshold(), None);
 /// assert_eq!(observation.with_inlier_threshold(4.0)?.inlier_threshold(), Some(4.0));
+///
+/// // What a network says besides: that it is a vehicle, and from which side it sees it.
+/// let seen_from = [1.0 / VIEWING_ANGLES as f64; VIEWING_ANGLES];
+/// let observation = observation.with_vehicle_probability(0.97)?.with_viewing_angles(&seen_from)?;
+/// assert_eq!((observation.vehicle_probability(), observation.viewing_angles()), (Some(0.97), Some(&seen_from)));
 /// # Ok::<(), groundpose::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -31,8 +36,25 @@ pub struct Observation<'a> {
     keypoint_scores: Option<&'a [f64]>,
     bbox: Option<Bbox>,
     inlier_threshold: Option<f64>,
+    vehicle_probability: Option<f64>,
+    viewing_angles: Option<&'a [f64; VIEWING_ANGLES]>,
     model: &'a ShapeModel<'a>,
 }
+
+/// Probabilities of single-precision networks end a little above 1.
+const ROUNDING: f64 = 1e-6;
+
+/// Bins of the viewing angle, the angle from which the camera sees an object: KITTI's alpha,
+/// `rotation_y - atan2(x, z)`, bin b centred on `b * 2 pi / 16`.
+///
+/// ```
+/// use groundpose::VIEWING_ANGLES;
+///
+/// // A network that sees the rear of a vehicle that drives ahead: alpha = -pi / 2, bin 12.
+/// let mut angles = [0.0; VIEWING_ANGLES];
+/// angles[12] = 1.0;
+/// ```
+pub const VIEWING_ANGLES: usize = 16;
 
 impl<'a> Observation<'a> {
     /// Keypoints in pixels, one per keypoint of the model; a NaN coordinate means not seen.
@@ -49,7 +71,15 @@ impl<'a> Observation<'a> {
         for &x in keypoints_2d.iter().flatten() {
             require(!x.is_infinite(), "keypoints_2d", "finite pixels, or NaN for not seen", Got::Number(x))?;
         }
-        Ok(Self { keypoints_2d, keypoint_scores: None, bbox: None, inlier_threshold: None, model })
+        Ok(Self {
+            keypoints_2d,
+            keypoint_scores: None,
+            bbox: None,
+            inlier_threshold: None,
+            vehicle_probability: None,
+            viewing_angles: None,
+            model,
+        })
     }
 
     /// With the object's 2D box.
@@ -86,6 +116,33 @@ impl<'a> Observation<'a> {
         let valid = pixels.is_finite() && pixels > 0.0;
         require(valid, "inlier_threshold", "a positive number of pixels", Got::Number(pixels))?;
         self.inlier_threshold = Some(pixels);
+        Ok(self)
+    }
+
+    /// With the probability that there is a vehicle at all, as a network says it.
+    ///
+    /// # Errors
+    /// Not a probability.
+    pub fn with_vehicle_probability(mut self, probability: f64) -> Result<Self, InputError> {
+        let valid = (0.0..=1.0 + ROUNDING).contains(&probability);
+        require(valid, "vehicle_probability", "a probability, 0 to 1", Got::Number(probability))?;
+        self.vehicle_probability = Some(probability);
+        Ok(self)
+    }
+
+    /// With the probabilities of the viewing angles, as a network says them: they tell a pose from its reading turned
+    /// round.
+    ///
+    /// # Errors
+    /// Numbers that are no probabilities or do not add up to 1 within 1 %.
+    pub fn with_viewing_angles(mut self, probabilities: &'a [f64; VIEWING_ANGLES]) -> Result<Self, InputError> {
+        let expected = "probabilities that add up to 1";
+        for &p in probabilities {
+            require((0.0..=1.0 + ROUNDING).contains(&p), "viewing_angle_probabilities", expected, Got::Number(p))?;
+        }
+        let sum: f64 = probabilities.iter().sum();
+        require((sum - 1.0).abs() < 0.01, "viewing_angle_probabilities", expected, Got::Number(sum))?;
+        self.viewing_angles = Some(probabilities);
         Ok(self)
     }
 
@@ -131,6 +188,18 @@ impl<'a> Observation<'a> {
     #[must_use]
     pub fn inlier_threshold(&self) -> Option<f64> {
         self.inlier_threshold
+    }
+
+    /// Probability that there is a vehicle at all, if a network says it.
+    #[must_use]
+    pub fn vehicle_probability(&self) -> Option<f64> {
+        self.vehicle_probability
+    }
+
+    /// Probabilities of the viewing angles, if a network says them.
+    #[must_use]
+    pub fn viewing_angles(&self) -> Option<&'a [f64; VIEWING_ANGLES]> {
+        self.viewing_angles
     }
 
     /// The model.

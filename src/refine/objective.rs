@@ -42,6 +42,17 @@ impl Objective<'_> {
         terms.add_tilt_and_shape(state, normal);
     }
 
+    /// The part of [`Objective::linearise`] that the priors add.
+    pub(crate) fn priors_alone<const D: usize>(&mut self, state: &State) -> Normal<D> {
+        let mut normal = Normal::ZERO;
+        let (_, terms) = self.at(state);
+        if let Some(sides) = terms.sides(state) {
+            normal.cost += terms.add_sides(state, &sides, &mut normal);
+        }
+        terms.add_tilt_and_shape(state, &mut normal);
+        normal
+    }
+
     /// The cost of [`Objective::linearise`] alone.
     pub(crate) fn cost(&mut self, state: &State, kernel: Kernel) -> f64 {
         let (unit, view) = (self.keypoints.unit, self.view);
