@@ -1,0 +1,148 @@
+"""The solver's answers for what a network saw, and their errors in the solver's own units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose import Options, estimate_poses
+from groundpose._checks import FloatArray
+from groundpose.lab.evaluate.honesty.seen import Records, by_view, view_of
+from groundpose.lab.training.crops import NOTHING
+from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
+
+RIGHT_YAW_DEG, RIGHT_DISTANCE = 15.0, 0.15
+"""Limits of a right answer: degrees of yaw, and a fraction of the true distance."""
+MOST_HIDDEN, MOST_CUT, LEAST_HEIGHT = 0.5, 0.15, 25.0
+"""Limits of the main group: fractions hidden by others and outside the image, height of the box in pixels."""
+_FACTORS = (1.0, 2.0)
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """Answers for N boxes, NaN without one.
+
+    Attributes:
+        seen: what network and truth say of the boxes.
+        ok: (N,) whether there is a pose, at whatever probability.
+        R, t: the poses, (N, 3, 3) and (N, 3). up: (N, 3) the ground's normal (downwards) in the camera.
+        covariance: (N, 6, 6) for independent keypoint errors (error factor 1).
+        growth: (N, 6, 6) what each unit of the error factor adds to it.
+        evidence: (N, 6). ambiguity: (N,).
+    """
+
+    seen: Records
+    ok: Mask
+    R: FloatArray
+    t: FloatArray
+    up: FloatArray
+    covariance: FloatArray
+    growth: FloatArray
+    evidence: FloatArray
+    ambiguity: FloatArray
+
+    def __len__(self) -> int:
+        """Number of boxes."""
+        return len(self.seen)
+
+    def only(self, rows: Mask) -> Answers:
+        """Those in a mask (N,)."""
+        return Answers(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    @classmethod
+    def joined(cls, parts: list[Answers]) -> Answers:
+        """All of several sources."""
+        names = cls.__dataclass_fields__
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+    @property
+    def vehicles(self) -> Mask:
+        """(N,): whether there is a vehicle."""
+        return np.asarray(self.seen["class"] != NOTHING)
+
+    @property
+    def main(self) -> Mask:
+        """(N,): vehicles that are large and visible enough for the main group."""
+        box = self.seen["box"]
+        seen = (self.seen["hidden"] <= MOST_HIDDEN) & (self.seen["cut"] <= MOST_CUT)
+        return np.asarray(self.vehicles & seen & (box[:, 3] - box[:, 1] >= LEAST_HEIGHT))
+
+    @cached_property
+    def yaw_error(self) -> FloatArray:
+        """(N,) degrees, 0 to 180, about the ground's normal; NaN without a truth or an answer."""
+        relative = np.swapaxes(self.R, 1, 2) @ self.seen["R"]
+        return np.asarray(np.abs(np.degrees(np.arctan2(relative[:, 0, 2], relative[:, 2, 2]))))
+
+    @cached_property
+    def right(self) -> Mask:
+        """(N,): vehicles whose yaw and distance are right."""
+        found, true = (np.linalg.norm(t, axis=1) for t in (self.t, self.seen["t"]))
+        with np.errstate(invalid="ignore"):
+            near = np.abs(found - true) <= RIGHT_DISTANCE * true
+            return np.asarray(near & (self.yaw_error <= RIGHT_YAW_DEG))
+
+    @cached_property
+    def errors(self) -> FloatArray:
+        """(N, 6): rotation vector from the estimated to the true rotation, then true minus estimated t."""
+        turned = rotation_vectors(self.seen["R"] @ np.swapaxes(self.R, 1, 2))
+        return np.concatenate([turned, self.seen["t"] - self.t], axis=1)
+
+
+def rotation_vectors(R: FloatArray) -> FloatArray:
+    """(N, 3) of rotations (N, 3, 3) by less than 180 degrees."""
+    axis = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
+    sine = 0.5 * np.linalg.norm(axis, axis=1)
+    angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
+    return np.asarray(0.5 * axis * (angle / np.maximum(sine, 1e-12))[:, None])
+
+
+def solve(seen: Records) -> Answers:
+    """Poses with the class that the network finds; none is refused for its probability.
+
+    Covariances are linear in the error factor, so two factors give those of all.
+    """
+    first, second = (_solved(seen, factor) for factor in _FACTORS)
+    step = _FACTORS[1] - _FACTORS[0]
+    return Answers(
+        seen,
+        first["ok"],
+        first["R"],
+        first["t"],
+        first["up"],
+        first["covariance"],
+        (second["covariance"] - first["covariance"]) / step,
+        first["evidence"],
+        first["ambiguity"],
+    )
+
+
+_WANTED = ("ok", "R", "t", "covariance", "evidence", "ambiguity")
+
+
+def _solved(seen: Records, factor: float) -> dict[str, NDArray[np.generic]]:
+    options = Options(keypoint_error_factor=factor, min_probability=0.0)
+    classes = seen["classes"].argmax(axis=1)
+    own = [keypoint_indices(class_name) for class_name in CLASSES]
+    models = [shape_model(class_name) for class_name in CLASSES]
+    parts: dict[str, list[NDArray[np.generic]]] = {name: [] for name in (*_WANTED, "up")}
+    for rows in by_view(seen):
+        view = view_of(seen["view"][rows[0]])
+        poses = estimate_poses(
+            view,
+            [seen["keypoints"][i, own[classes[i]]] for i in rows],
+            seen["box"][rows],
+            [models[classes[i]] for i in rows],
+            [seen["scores"][i, own[classes[i]]] for i in rows],
+            options,
+            threads=1,
+            vehicle_probability=seen["vehicle"][rows],
+            viewing_angle_probabilities=seen["viewing_angle"][rows],
+        )
+        for name in _WANTED:
+            parts[name].append(getattr(poses, name))
+        parts["up"].append(np.tile(view.R_camera_from_ground[:, 1], (len(rows), 1)))
+    return {name: np.concatenate(values) for name, values in parts.items()}
