@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from groundpose import Options, estimate_poses
 from groundpose._checks import FloatArray
+from groundpose.lab.evaluate.honesty.coverage import Stated, errors
 from groundpose.lab.evaluate.honesty.seen import Records, by_view, view_of
 from groundpose.lab.training.crops import NOTHING
 from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
@@ -85,19 +86,10 @@ class Answers:
             near = np.abs(found - true) <= RIGHT_DISTANCE * true
             return np.asarray(near & (self.yaw_error <= RIGHT_YAW_DEG))
 
-    @cached_property
-    def errors(self) -> FloatArray:
-        """(N, 6): rotation vector from the estimated to the true rotation, then true minus estimated t."""
-        turned = rotation_vectors(self.seen["R"] @ np.swapaxes(self.R, 1, 2))
-        return np.concatenate([turned, self.seen["t"] - self.t], axis=1)
-
-
-def rotation_vectors(R: FloatArray) -> FloatArray:
-    """(N, 3) of rotations (N, 3, 3) by less than 180 degrees."""
-    axis = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
-    sine = 0.5 * np.linalg.norm(axis, axis=1)
-    angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
-    return np.asarray(0.5 * axis * (angle / np.maximum(sine, 1e-12))[:, None])
+    def stated(self, factor: float) -> Stated:
+        """Errors and covariances for keypoint errors with this factor (`Options.keypoint_error_factor`)."""
+        error = errors(self.seen["R"], self.seen["t"], self.R, self.t)
+        return Stated(error, self.covariance + (factor - 1.0) * self.growth, self.t, self.up)
 
 
 def solve(seen: Records) -> Answers:

@@ -10,7 +10,7 @@ from groundpose import region_radius2
 from groundpose._checks import input_error
 from groundpose.keypoints.certainty import Certainty
 from groundpose.lab.evaluate.honesty.answers import Answers, Mask
-from groundpose.lab.evaluate.honesty.coverage import WINDOWS, covariances, directions, squared_distances
+from groundpose.lab.evaluate.honesty.coverage import WINDOWS
 from groundpose.lab.evaluate.honesty.probability import coefficients, least, probability
 
 FACTORS = np.geomspace(1.0, 100.0, 95)
@@ -51,15 +51,13 @@ def covariance_numbers(right: Answers) -> tuple[float, float]:
     The likelihood of Student's t decides by the many small errors and leaves the 95 % regions of the yaw 5 %
     short (factor 9, 8 degrees of freedom); what is promised is the regions.
     """
-    looked_at = {name: directions(right)[name] for name in FITTED}
     best = (math.inf, 1.0, DOFS[0])
     for factor in FACTORS:
-        covariance = covariances(right, float(factor))
-        d2 = {n: squared_distances(right.errors, covariance, a) for n, a in looked_at.items()}
+        distances = right.stated(float(factor)).squared_distances()
         for dof in DOFS:
             worst = max(
-                _off(d2[name] <= region_radius2(level, a.shape[1], dof), window)
-                for name, a in looked_at.items()
+                _off(d2 <= region_radius2(level, dimensions, dof), window)
+                for dimensions, d2 in (distances[name] for name in FITTED)
                 for level, window in WINDOWS.items()
             )
             best = min(best, (worst, float(factor), dof))

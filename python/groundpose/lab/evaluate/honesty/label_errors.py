@@ -35,5 +35,6 @@ def _side(answers: Answers) -> FloatArray:
 def _shift(answers: Answers) -> float:
     """Metres to the right; 0 without mirror images."""
     side, right = _side(answers), answers.right
-    sides = [answers.errors[right & (side == s), 3] for s in (1.0, -1.0)]
+    off = answers.seen["t"][:, 0] - answers.t[:, 0]
+    sides = [off[right & (side == s)] for s in (1.0, -1.0)]
     return float(0.5 * (np.median(sides[0]) - np.median(sides[1]))) if min(map(len, sides)) else 0.0

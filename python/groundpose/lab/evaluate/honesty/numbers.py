@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from typing import Any
 
 import numpy as np
 
 from groundpose.keypoints.certainty import Certainty
 from groundpose.lab.evaluate.honesty.answers import Answers, Mask
-from groundpose.lab.evaluate.honesty.coverage import WINDOWS, inside, sharpness
+from groundpose.lab.evaluate.honesty.coverage import covered
 from groundpose.lab.evaluate.honesty.label_errors import allowed
 from groundpose.lab.evaluate.honesty.probability import AMBIGUITY_EDGES, probability, reliability
 
+MAIN, ALLOWED = "main", "main, labels' errors allowed"
+"""Groups of right answers whose coverage is stated."""
 FLIP_DEG = 90.0
 FEWEST = 10
 """Answers from which a group's numbers are stated."""
@@ -27,7 +29,7 @@ def vehicles(answers: Answers, certainty: Certainty, is_vehicle: Mask, real: boo
     """
     answers, is_vehicle = answers.only(answers.vehicles), is_vehicle[answers.vehicles]
     p = probability(_known(certainty), answers)
-    called = answers.ok & is_vehicle & (p >= (certainty.min_probability or 0.0))
+    called = _called(answers, certainty, is_vehicle)
     flipped = answers.yaw_error > FLIP_DEG
     found: dict[str, Any] = {
         "vehicles": len(answers),
@@ -42,44 +44,41 @@ def vehicles(answers: Answers, certainty: Certainty, is_vehicle: Mask, real: boo
         | {"flips": int(flipped.sum())},
         "coverage": {},
     }
-    groups = {"main": answers.right & answers.main, "more hidden, cut or small": answers.right & ~answers.main}
-    for name, rows in groups.items():
-        if rows.sum() >= FEWEST:
-            found["coverage"][name] = covered(answers.only(rows), certainty)
-    if real:
-        found["coverage"]["main, labels' errors allowed"] = covered(
-            allowed(answers).only(groups["main"]), certainty
-        )
-    found["coverage"]["main, independent errors"] = covered(answers.only(groups["main"]), Certainty(1.0, np.inf))
-    return found
-
-
-def covered(answers: Answers, certainty: Certainty) -> dict[str, Any]:
-    """Percentages inside the regions, the least and the most of each level of `WINDOWS`, and the sharpness."""
-    found = inside(answers, certainty.error_factor, certainty.error_dof)
-    levels = [f"{100 * level:g}" for level in WINDOWS]
-    return {
-        "answers": len(answers),
-        "inside": found,
-        "least": {level: min(by[level] for by in found.values()) for level in levels},
-        # the distance may hold more: its error is mostly the size of the vehicle
-        "most": {level: max(by[level] for q, by in found.items() if q != "distance") for level in levels},
-        "sharpness": sharpness(answers, certainty.error_factor),
+    main, others = answers.right & answers.main, answers.right & ~answers.main
+    cases = {
+        MAIN: (answers.only(main), certainty),
+        "more hidden, cut or small": (answers.only(others), certainty),
+        "main, if keypoint errors were independent": (answers.only(main), Certainty(1.0, math.inf)),
     }
+    if real:
+        cases[ALLOWED] = (allowed(answers).only(main), certainty)
+    for name, (some, numbers) in cases.items():
+        if len(some) >= FEWEST:
+            found["coverage"][name] = covered(some.stated(numbers.error_factor), numbers.error_dof)
+    return found
 
 
 def background(answers: Answers, certainty: Certainty, is_vehicle: Mask) -> dict[str, Any]:
     """Percentage called right of places without a vehicle, in all and by what is there."""
+    called = _called(answers, certainty, is_vehicle)
+
+    def rates(rows: Mask) -> dict[str, Any]:
+        return {
+            "boxes": int(rows.sum()),
+            "solved": _percent(answers.ok[rows]),
+            "called_vehicle": _percent((answers.ok & is_vehicle)[rows]),
+            "called_right": _percent(called[rows]),
+        }
+
+    kinds = np.unique(answers.seen["kind"])
+    by_kind = {str(kind): rates(answers.seen["kind"] == kind) for kind in kinds}
+    return rates(np.ones(len(answers), dtype=bool)) | {"kinds": by_kind}
+
+
+def _called(answers: Answers, certainty: Certainty, is_vehicle: Mask) -> Mask:
+    """(N,): what gets the status "ok"."""
     p = probability(_known(certainty), answers)
-    called = answers.ok & is_vehicle & (p >= (certainty.min_probability or 0.0))
-    kinds = {str(kind): answers.seen["kind"] == kind for kind in np.unique(answers.seen["kind"])}
-    numbers: Callable[[Mask], dict[str, Any]] = lambda rows: {  # noqa: E731
-        "boxes": int(rows.sum()),
-        "solved": _percent(answers.ok[rows]),
-        "called_vehicle": _percent((answers.ok & is_vehicle)[rows]),
-        "called_right": _percent(called[rows]),
-    }
-    return numbers(np.ones(len(answers), dtype=bool)) | {"kinds": {k: numbers(rows) for k, rows in kinds.items()}}
+    return np.asarray(answers.ok & is_vehicle & (p >= (certainty.min_probability or 0.0)))
 
 
 def _known(certainty: Certainty) -> tuple[float, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,7 +19,8 @@ LEAST_KEPT = 0.97
 """Fraction of the right answers of the main group that must be kept, of those of a fit."""
 EDGES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 """Of the bins of probabilities."""
-AMBIGUITY_EDGES = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
+FEWEST_OF_BIN = 50
+AMBIGUITY_EDGES = (0.0, 0.02, 0.1, 0.2, 0.4, 1.0)
 
 
 def probability(coefficients: Sequence[float], answers: Answers) -> FloatArray:
@@ -63,12 +65,24 @@ def reliability(stated: FloatArray, true: Mask, edges: Sequence[float] = EDGES) 
 
     Returns:
         `bins`: mean stated, fraction true and number of each bin that has any; `calibration_error`: mean
-        distance of the first two over all; `auc`.
+        distance of the first two over all; `worst_factor`: the largest ratio of the two, of bins of `FEWEST_OF_BIN`
+        or more, half a true one added to each; `auc`.
     """
     at = np.clip(np.digitize(stated, edges) - 1, 0, len(edges) - 2)
     bins = [[float(stated[at == b].mean()), float(true[at == b].mean()), int((at == b).sum())] for b in np.unique(at)]
     error = sum(abs(said - fraction) * count for said, fraction, count in bins) / max(len(stated), 1)
-    return {"answers": len(stated), "calibration_error": error, "auc": auc(stated, true), "bins": bins}
+    factors = [
+        math.exp(abs(math.log(said * count / (fraction * count + 0.5))))
+        for said, fraction, count in bins
+        if count >= FEWEST_OF_BIN
+    ]
+    return {
+        "answers": len(stated),
+        "calibration_error": error,
+        "worst_factor": max(factors, default=None),
+        "auc": auc(stated, true),
+        "bins": bins,
+    }
 
 
 def _features(answers: Answers) -> NDArray[np.float64]:

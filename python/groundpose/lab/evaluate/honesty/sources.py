@@ -150,6 +150,8 @@ def for_fit(crops: Path) -> dict[str, Callable[[Codec], Boxes]]:
 
 
 RENDERS = ("held-out renders", "boxes moved by 3 %", "darkened")
+ALL_RENDERS = "held-out renders, three looks"
+"""The three together."""
 STREETS, MANY_LOOKS = "development frames", "development frames, 12 looks"
 BACKGROUND = ("scenery of renders", "photographs of roads", "streets away from labels", "grey and noise")
 
