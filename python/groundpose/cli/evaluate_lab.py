@@ -90,8 +90,8 @@ def honesty(
     fit: Annotated[
         Path | None,
         typer.Option(
-            help="First fit how sure each network is on the validation split of this folder of crops, and store it "
-            "in the network's file."
+            help="First fit how sure each network is on the validation split of this folder of crops; the "
+            "numbers are stored in the network's file."
         ),
     ] = None,
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
 RIGHT_YAW_DEG, RIGHT_DISTANCE = 15.0, 0.15
 """Limits of a right answer: degrees of yaw, and a fraction of the true distance."""
 MOST_HIDDEN, MOST_CUT, LEAST_HEIGHT = 0.5, 0.15, 25.0
-"""Limits of the main group: fractions hidden by others and outside the image, height of the box in pixels."""
+"""Limits of a well visible vehicle: fractions hidden by others and outside the image; pixels of the box."""
 _FACTORS = (1.0, 2.0)
 Mask = NDArray[np.bool_]
 
@@ -34,6 +35,7 @@ class Answers:
         covariance: (N, 6, 6) for independent keypoint errors (error factor 1).
         growth: (N, 6, 6) what each unit of the error factor adds to it.
         evidence: (N, 6). ambiguity: (N,).
+        other_R: (N, 3, 3) of the other reading, NaN without one.
     """
 
     seen: Records
@@ -45,6 +47,7 @@ class Answers:
     growth: FloatArray
     evidence: FloatArray
     ambiguity: FloatArray
+    other_R: FloatArray
 
     def __len__(self) -> int:
         """Number of boxes."""
@@ -66,8 +69,8 @@ class Answers:
         return np.asarray(self.seen["class"] != NOTHING)
 
     @property
-    def main(self) -> Mask:
-        """(N,): vehicles that are large and visible enough for the main group."""
+    def well_visible(self) -> Mask:
+        """(N,): vehicles that are large and visible enough to be judged by the regions."""
         box = self.seen["box"]
         seen = (self.seen["hidden"] <= MOST_HIDDEN) & (self.seen["cut"] <= MOST_CUT)
         return np.asarray(self.vehicles & seen & (box[:, 3] - box[:, 1] >= LEAST_HEIGHT))
@@ -75,8 +78,12 @@ class Answers:
     @cached_property
     def yaw_error(self) -> FloatArray:
         """(N,) degrees, 0 to 180, about the ground's normal; NaN without a truth or an answer."""
-        relative = np.swapaxes(self.R, 1, 2) @ self.seen["R"]
-        return np.asarray(np.abs(np.degrees(np.arctan2(relative[:, 0, 2], relative[:, 2, 2]))))
+        return _yaw_error(self.seen["R"], self.R)
+
+    @cached_property
+    def other_yaw_error(self) -> FloatArray:
+        """(N,) the same of the other reading; NaN without one."""
+        return _yaw_error(self.seen["R"], self.other_R)
 
     @cached_property
     def right(self) -> Mask:
@@ -92,35 +99,32 @@ class Answers:
         return Stated(error, self.covariance + (factor - 1.0) * self.growth, self.t, self.up)
 
 
+def _yaw_error(R_true: FloatArray, R: FloatArray) -> FloatArray:
+    relative = np.swapaxes(R, 1, 2) @ R_true
+    return np.asarray(np.abs(np.degrees(np.arctan2(relative[:, 0, 2], relative[:, 2, 2]))))
+
+
 def solve(seen: Records) -> Answers:
     """Poses with the class that the network finds; none is refused for its probability.
 
     Covariances are linear in the error factor, so two factors give those of all.
     """
     first, second = (_solved(seen, factor) for factor in _FACTORS)
-    step = _FACTORS[1] - _FACTORS[0]
-    return Answers(
-        seen,
-        first["ok"],
-        first["R"],
-        first["t"],
-        first["up"],
-        first["covariance"],
-        (second["covariance"] - first["covariance"]) / step,
-        first["evidence"],
-        first["ambiguity"],
-    )
+    growth = (second["covariance"] - first["covariance"]) / (_FACTORS[1] - _FACTORS[0])
+    return Answers(seen, growth=growth, **first)
 
 
-_WANTED = ("ok", "R", "t", "covariance", "evidence", "ambiguity")
+_FIELDS = {name: name for name in ("ok", "R", "t", "covariance", "evidence", "ambiguity")}
+_FIELDS["other_R"] = "alternative_R"
+"""Fields of `Answers` and of the poses."""
 
 
-def _solved(seen: Records, factor: float) -> dict[str, NDArray[np.generic]]:
+def _solved(seen: Records, factor: float) -> dict[str, Any]:
     options = Options(keypoint_error_factor=factor, min_probability=0.0)
     classes = seen["classes"].argmax(axis=1)
     own = [keypoint_indices(class_name) for class_name in CLASSES]
     models = [shape_model(class_name) for class_name in CLASSES]
-    parts: dict[str, list[NDArray[np.generic]]] = {name: [] for name in (*_WANTED, "up")}
+    parts: dict[str, list[FloatArray]] = {name: [] for name in (*_FIELDS, "up")}
     for rows in by_view(seen):
         view = view_of(seen["view"][rows[0]])
         poses = estimate_poses(
@@ -134,7 +138,7 @@ def _solved(seen: Records, factor: float) -> dict[str, NDArray[np.generic]]:
             vehicle_probability=seen["vehicle"][rows],
             viewing_angle_probabilities=seen["viewing_angle"][rows],
         )
-        for name in _WANTED:
-            parts[name].append(getattr(poses, name))
+        for name, field in _FIELDS.items():
+            parts[name].append(getattr(poses, field))
         parts["up"].append(np.tile(view.R_camera_from_ground[:, 1], (len(rows), 1)))
     return {name: np.concatenate(values) for name, values in parts.items()}

@@ -113,7 +113,7 @@ def sharpness(stated: Stated) -> dict[str, float]:
 
 
 def covered(stated: Stated, dof: float) -> dict[str, Any]:
-    """Percentages inside the regions, the least and the most of each level of `WINDOWS`, and the sharpness."""
+    """Percentages inside the regions, least and most of each level of `WINDOWS`, and the sharpness."""
     found = inside(stated, dof)
     levels = [f"{100 * level:g}" for level in WINDOWS]
     return {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,7 @@ FACTORS = np.geomspace(1.0, 100.0, 95)
 DOFS = (3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0, 20.0)
 """Values of error factor and degrees of freedom that are tried."""
 FITTED = ("pose", "R", "t", "yaw", "lateral")
-"""Quantities whose regions are fitted. Errors of the distance are mostly the vehicle's size: its share in the
+"""Quantities whose regions are fitted. Errors of the distance are mostly the vehicle's size: that part of the
 covariance is the shape prior's, which no error of keypoints should make good."""
 FEWEST = 100
 """Right answers that a fit needs."""
@@ -33,20 +34,22 @@ def fit(answers: Answers, is_vehicle: Mask) -> Certainty:
     Raises:
         InputError: too few right answers, or no place without a vehicle.
     """
-    good = answers.main & answers.right
+    good = answers.well_visible & answers.right
     if good.sum() < FEWEST or answers.vehicles.all():
         expected = f"{FEWEST} right answers or more, and places without a vehicle"
         got = f"{int(good.sum())} and {int((~answers.vehicles).sum())}"
         raise input_error("crops", expected, got)
     factor, dof = covariance_numbers(answers.only(good))
-    c = tuple(_rounded(value) for value in coefficients(answers))
-    kept = np.where(is_vehicle, probability(c, answers), 0.0)
-    return Certainty(_rounded(factor), dof, c, _rounded(least(kept, answers)))
+    found = Certainty(_rounded(factor), dof, tuple(_rounded(value) for value in coefficients(answers)))
+    kept = np.where(is_vehicle, probability(found, answers), 0.0)
+    return replace(found, min_probability=_rounded(least(kept, answers)))
 
 
 def covariance_numbers(right: Answers) -> tuple[float, float]:
-    """Error factor and degrees of freedom whose regions of right answers hold the truth as often as wanted: the
-    fraction inside that is furthest from its window's middle, of `FITTED` and `WINDOWS`, is as near as can be.
+    """Error factor and degrees of freedom whose regions of right answers hold the truth as often as wanted.
+
+    Of the fractions inside, by `FITTED` and `WINDOWS`, the one furthest from its window's middle is as near
+    as can be.
 
     The likelihood of Student's t decides by the many small errors and leaves the 95 % regions of the yaw 5 %
     short (factor 9, 8 degrees of freedom); what is promised is the regions.

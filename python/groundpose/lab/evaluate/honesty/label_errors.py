@@ -11,7 +11,7 @@ from groundpose.lab.evaluate.honesty.answers import Answers
 from groundpose.lab.evaluate.honesty.sources import MIRRORED
 
 YAW_DEG, LEAN_DEG, PLACE_M = 1.0, 0.8, 0.05
-"""Standard deviations: yaw and lean (the labels' cars stand upright on the camera's level), degrees; place, metres."""
+"""Standard deviations: yaw and lean (labels are upright in the camera), degrees; place, metres."""
 
 
 def allowed(answers: Answers) -> Answers:

@@ -1,7 +1,7 @@
 """`groundpose evaluate honesty NAME=FILE.onnx --crops FOLDER [--fit FOLDER]`: docs/honesty.md.
 
-What a network says of crops is kept in `FOLDER/evaluated/honesty`, so a second run takes seconds and a run that
-was stopped goes on. Poses are solved anew each time.
+What a network says of crops is kept in `FOLDER/evaluated/honesty`, so a second run takes seconds and a run
+that was stopped goes on. Poses are solved anew each time.
 """
 
 from __future__ import annotations
@@ -74,7 +74,9 @@ def measure(root: Path, networks: list[str], crops: Path, fit_on: Path | None, t
 
 
 def _command(networks: list[str]) -> str:
-    return " ".join(["groundpose evaluate honesty", *(f"{one.split('=', 1)[0]}=FILE.onnx" for one in networks)])
+    return " ".join(
+        ["groundpose evaluate honesty", *(f"{one.split('=', 1)[0]}=FILE.onnx" for one in networks)]
+    )
 
 
 def fit_file(path: Path, crops: Path, tell: Tell) -> None:
@@ -109,7 +111,7 @@ def judged(judge: Judge, crops: Path) -> dict[str, Any]:
 
 
 def callers() -> dict[str, Any]:
-    """Coverage for keypoints of the caller: synthetic scenes, and ApolloCar3D where the data folder has it."""
+    """Coverage for keypoints of the caller: synthetic scenes, and ApolloCar3D if the data folder has it."""
     return {
         name: covered(stated, float("inf"))
         for name, stated in synthetic.settings(TRIALS, data_folder()).items()

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from groundpose.keypoints.certainty import Certainty
-from groundpose.lab.evaluate.honesty.answers import Answers, Mask
+from groundpose.lab.evaluate.honesty.answers import RIGHT_YAW_DEG, Answers, Mask
 from groundpose.lab.evaluate.honesty.coverage import covered
 from groundpose.lab.evaluate.honesty.label_errors import allowed
 from groundpose.lab.evaluate.honesty.probability import AMBIGUITY_EDGES, probability, reliability
 
-MAIN, ALLOWED = "main", "main, labels' errors allowed"
+CLEAR, ALLOWED = "well visible", "well visible, errors of the labels allowed for"
+INDEPENDENT = "well visible, errors taken for independent"
 """Groups of right answers whose coverage is stated."""
 FLIP_DEG = 90.0
 FEWEST = 10
@@ -28,34 +29,40 @@ def vehicles(answers: Answers, certainty: Certainty, is_vehicle: Mask, real: boo
         real: whether the truth has errors of its own, as KITTI's labels.
     """
     answers, is_vehicle = answers.only(answers.vehicles), is_vehicle[answers.vehicles]
-    p = probability(_known(certainty), answers)
-    called = _called(answers, certainty, is_vehicle)
+    p = probability(certainty, answers)
+    called, clear = _called(answers, certainty, is_vehicle), answers.well_visible
     flipped = answers.yaw_error > FLIP_DEG
     found: dict[str, Any] = {
         "vehicles": len(answers),
-        "main": int(answers.main.sum()),
-        "right": _percent(answers.right[answers.main]),
-        "right_yaw_only": _percent(answers.yaw_error[answers.main] <= 15.0),
-        "kept": _percent(called[answers.main & answers.right]),
+        "well_visible": int(clear.sum()),
+        "right": _percent(answers.right[clear]),
+        "right_yaw_only": _percent(answers.yaw_error[clear] <= RIGHT_YAW_DEG),
+        "kept": _percent(called[clear & answers.right]),
         "kept_all": _percent(called[answers.right]),
         "right_of_called": _percent(answers.right[called]),
         "probability": reliability(p[answers.ok], answers.right[answers.ok]),
         "ambiguity": reliability(answers.ambiguity[answers.ok], flipped[answers.ok], AMBIGUITY_EDGES)
-        | {"flips": int(flipped.sum())},
+        | {"flips": int(flipped.sum()), **_other_reading(answers.only(flipped))},
         "coverage": {},
     }
-    main, others = answers.right & answers.main, answers.right & ~answers.main
+    easy, others = answers.right & clear, answers.right & ~clear
     cases = {
-        MAIN: (answers.only(main), certainty),
-        "more hidden, cut or small": (answers.only(others), certainty),
-        "main, if keypoint errors were independent": (answers.only(main), Certainty(1.0, math.inf)),
+        CLEAR: (answers.only(easy), certainty),
+        "hidden, cut or small": (answers.only(others), certainty),
+        INDEPENDENT: (answers.only(easy), Certainty(1.0, math.inf)),
     }
     if real:
-        cases[ALLOWED] = (allowed(answers).only(main), certainty)
+        cases[ALLOWED] = (allowed(answers).only(easy), certainty)
     for name, (some, numbers) in cases.items():
         if len(some) >= FEWEST:
             found["coverage"][name] = covered(some.stated(numbers.error_factor), numbers.error_dof)
     return found
+
+
+def _other_reading(turned: Answers) -> dict[str, Any]:
+    """Of poses turned round: percentage with another reading, and with one whose yaw is right."""
+    error = turned.other_yaw_error
+    return {"with_other": _percent(~np.isnan(error)), "other_right": _percent(error <= RIGHT_YAW_DEG)}
 
 
 def background(answers: Answers, certainty: Certainty, is_vehicle: Mask) -> dict[str, Any]:
@@ -77,13 +84,8 @@ def background(answers: Answers, certainty: Certainty, is_vehicle: Mask) -> dict
 
 def _called(answers: Answers, certainty: Certainty, is_vehicle: Mask) -> Mask:
     """(N,): what gets the status "ok"."""
-    p = probability(_known(certainty), answers)
+    p = probability(certainty, answers)
     return np.asarray(answers.ok & is_vehicle & (p >= (certainty.min_probability or 0.0)))
-
-
-def _known(certainty: Certainty) -> tuple[float, ...]:
-    assert certainty.probability_coefficients is not None
-    return certainty.probability_coefficients
 
 
 def _percent(values: Mask) -> float | None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from groundpose.lab.evaluate.honesty import figures
-from groundpose.lab.evaluate.honesty.numbers import ALLOWED, MAIN
+from groundpose.lab.evaluate.honesty.numbers import ALLOWED, CLEAR
 from groundpose.lab.evaluate.honesty.sources import ALL_RENDERS, MANY_LOOKS, RENDERS
 from groundpose.lab.evaluate.honesty.targets import WANTED
 from groundpose.lab.evaluate.networks.targets import target_table
@@ -25,7 +25,7 @@ def write_stored(root: Path) -> Path | None:
 
 
 def write_page(root: Path, found: dict[str, Any]) -> Path | None:
-    """Put the tables between the marks of the page and the sentence into the README, and draw the figures; None
+    """Put the tables between the marks of the page, the sentence into the README, and draw the figures; None
     when there is no page."""
     path, readme = root / PAGE, root / README
     if readme.exists():
@@ -48,18 +48,18 @@ def sentence(found: dict[str, Any]) -> str:
     parts = [f"{_range(scenes)} of synthetic scenes with independent noise"]
     if one := found.get("trained", {}).get(SHOWN):
         seen = one["vehicles"]
-        renders = [seen[name]["coverage"][MAIN] for name in RENDERS]
+        renders = [seen[name]["coverage"][CLEAR] for name in RENDERS]
         parts.append(f"{_range(renders)} of right answers through the bundled network on held-out renders")
         if streets := seen.get(MANY_LOOKS):
-            raw, allowed = (_range([streets["coverage"][name]]) for name in (MAIN, ALLOWED))
+            raw, allowed = (_range([streets["coverage"][name]]) for name in (CLEAR, ALLOWED))
             parts.append(f"{raw} on 27 real cars ({allowed} when errors of their labels are allowed for)")
     return f"its 95 % regions (`region()`) hold the truth in {', '.join(parts)}"
 
 
 def _range(covered: list[dict[str, Any]]) -> str:
-    """Over the quantities of some groups."""
-    values = [by["95"] for one in covered for by in one["inside"].values()]
-    return f"{min(values):.0f} to {max(values):.0f} %"
+    """The whole pose's 95 % regions of some groups."""
+    values = sorted({f"{one['inside']['pose']['95']:.0f}" for one in covered}, key=int)
+    return f"{values[0]} to {values[-1]} %" if len(values) > 1 else f"{values[0]} %"
 
 
 def _between(text: str, marks: tuple[str, str], new: str) -> str:
@@ -87,22 +87,23 @@ def tables(found: dict[str, Any]) -> str:
 
 
 COVERAGE = (
-    "Percentage of right answers whose truth is inside the stated 50 / 90 / 95 % region, by quantity; sharpness: "
-    "median stated standard deviation over the robust one of the errors."
+    "Percentage of right answers whose truth is inside the stated 50 / 90 / 95 % region, by quantity; "
+    "sharpness: median stated standard deviation over the robust one of the errors."
 )
 FITTED = "What `--fit` has stored in the network's file."
 PROBABILITY = (
-    "All percentages. Right: yaw within 15 degrees and distance within 15 %, of the main group. Kept: right "
-    "answers that get the status `ok`, of the main group and of all. Right of `ok`: over all vehicles. Error: mean "
-    "distance of stated and true probability. AUC: of right against wrong answers."
+    "All percentages. Right: yaw within 15 degrees and distance within 15 %, of well visible vehicles. Kept: "
+    "right answers that get the status `ok`, of well visible vehicles and of all. Right of `ok`: over all "
+    "vehicles. Error: mean distance of stated and true probability. AUC: of right against wrong answers."
 )
 AMBIGUITY = (
-    "Poses turned by more than 90 degrees. Stated / true: mean `ambiguity` and percentage turned, by bins of "
-    "`ambiguity`, with the number of answers."
+    "Poses turned by more than 90 degrees, and how many of them have another reading (`alternatives`), and "
+    "one with the right yaw. Stated / true: mean `ambiguity` and percentage turned, by bins of `ambiguity`, "
+    "with the number of answers."
 )
 BACKGROUND = (
-    "Percentage of boxes without a vehicle that get a pose at all, that the network takes for a vehicle, and that get "
-    "the status `ok`."
+    "Percentage of boxes without a vehicle that get a pose at all, that the network takes for a vehicle, and "
+    "that get the status `ok`."
 )
 
 
@@ -149,10 +150,10 @@ def _probability(trained: dict[str, Any]) -> list[dict[str, Any]]:
             "network": name,
             "source": source,
             "vehicles": numbers["vehicles"],
-            "main": numbers["main"],
+            "well visible": numbers["well_visible"],
             "right": numbers["right"],
             "yaw right": numbers["right_yaw_only"],
-            "kept, main": numbers["kept"],
+            "kept, well visible": numbers["kept"],
             "kept, all": numbers["kept_all"],
             "right of `ok`": numbers["right_of_called"],
             "error": 100 * numbers["probability"]["calibration_error"],
@@ -170,6 +171,9 @@ def _ambiguity(trained: dict[str, Any]) -> list[dict[str, Any]]:
             "source": source,
             "turned": numbers["ambiguity"]["flips"],
             "AUC": numbers["ambiguity"]["auc"],
+            "another reading / it is right, %": _pair(
+                numbers["ambiguity"]["with_other"], numbers["ambiguity"]["other_right"]
+            ),
             "stated / true %": ", ".join(
                 f"{100 * said:.1f} / {100 * true:.1f} ({count})"
                 for said, true, count in numbers["ambiguity"]["bins"]
@@ -178,6 +182,10 @@ def _ambiguity(trained: dict[str, Any]) -> list[dict[str, Any]]:
         for name, one in trained.items()
         for source, numbers in one["vehicles"].items()
     ]
+
+
+def _pair(first: float | None, second: float | None) -> str | None:
+    return None if first is None or second is None else f"{first:.0f} / {second:.0f}"
 
 
 def _background(trained: dict[str, Any]) -> list[dict[str, Any]]:

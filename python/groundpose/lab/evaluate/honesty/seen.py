@@ -56,7 +56,7 @@ def given(count: int, kind: str, view: View, boxes: FloatArray) -> Records:
 
 
 def numbers_of(view: View) -> tuple[float, ...]:
-    """A view of a camera without distortion as the field `view`. The height is left out: few users know it."""
+    """A view of a camera without distortion as the field `view`, without height: few users know it."""
     camera = view.camera
     assert camera.image_size is not None
     return (camera.fx, camera.fy, camera.cx, camera.cy, *camera.image_size, view.pitch, view.roll)

@@ -41,7 +41,7 @@ _FLAT_IMAGE = (1280, 720)
 
 @dataclass(frozen=True)
 class Look:
-    """How crops are looked at: with their boxes, or with boxes moved (`streets.moved_boxes`), at a brightness."""
+    """How crops are looked at: with their boxes or moved ones (`streets.moved_boxes`), at a brightness."""
 
     moved: bool = False
     brightness: float = 1.0
@@ -79,7 +79,9 @@ def _records(crops: Crops, poses: Records) -> Records:
     made["class"], made["R"], made["t"] = labels["kind"], poses["R"], poses["t"]
     made["hidden"], made["cut"] = labels["occluded"], labels["truncation"]
     names = np.array([*CLASSES, *(kind.name for kind in KINDS)])
-    made["kind"] = names[np.where(labels["kind"] == NOTHING, len(CLASSES) - 1 - labels["object"], labels["kind"])]
+    made["kind"] = names[
+        np.where(labels["kind"] == NOTHING, len(CLASSES) - 1 - labels["object"], labels["kind"])
+    ]
     size, (_, pitch, roll, focal) = labels["image_size"].astype(float), labels["camera"].T.astype(float)
     made["view"] = np.column_stack([focal, focal, 0.5 * (size - 1.0), size, pitch, roll])
     return made
