@@ -1,4 +1,4 @@
-"""`groundpose evaluate targets | real | networks | shapes | detector | pages`: what docs/ shows."""
+"""`groundpose evaluate targets | real | networks | honesty | shapes | detector | pages`: what docs/ shows."""
 
 from __future__ import annotations
 
@@ -84,6 +84,35 @@ def networks(
         typer.echo(f"Numbers: {out.resolve()}")
 
 
+def honesty(
+    network: Annotated[list[str] | None, typer.Argument(help="NAME=FILE of trained networks.")] = None,
+    crops: Annotated[Path, typer.Option(help="Folder of crops with a test split.")] = Path("data/crops"),
+    fit: Annotated[
+        Path | None,
+        typer.Option(
+            help="First fit how sure each network is on the validation split of this folder of crops; the "
+            "numbers are stored in the network's file."
+        ),
+    ] = None,
+) -> None:
+    """Do stated regions and probabilities hold? For docs/honesty.md (extra train).
+
+    What a network says of crops is kept in CROPS/evaluated/honesty: the same
+    command goes on where it was stopped.
+
+    [bold]Examples[/bold]
+
+      groundpose evaluate honesty default=default.onnx --crops data/held_out --fit data/crops
+
+      groundpose evaluate honesty default=default.onnx int8=int8.onnx --crops data/held_out
+    """
+    from groundpose.lab.evaluate.honesty.measure import measure
+
+    with mistakes():
+        out = measure(Path(), network or [], crops, fit, typer.echo)
+        typer.echo(f"Numbers: {out.resolve()}")
+
+
 def shapes(data: Data = None) -> None:
     """What the shape models hold and which real cars they reach, for docs/vehicles.md."""
     from groundpose.lab.evaluate.shape_check import measure
@@ -107,6 +136,7 @@ def pages() -> None:
     from groundpose.lab.bench import page as performance
     from groundpose.lab.evaluate import real_page, report
     from groundpose.lab.evaluate.experiments import page as experiments
+    from groundpose.lab.evaluate.honesty import page as honesty_page
     from groundpose.lab.evaluate.networks import page as network_page
     from groundpose.lab.evaluate.simulated import page as simulated
 
@@ -114,7 +144,7 @@ def pages() -> None:
         root = Path()
         written = [report.write_page(root), real_page.write_page(root), performance.write_page(root)]
         written += [network_page.write_stored(root), simulated.write_stored(root)]
-        written += [experiments.write_stored(root)]
+        written += [experiments.write_stored(root), honesty_page.write_stored(root)]
         for path in filter(None, written):
             typer.echo(f"Page: {path.resolve()}")
 

@@ -85,8 +85,8 @@ class Calibration:
         """Logistic regressions of `good` (N, K) on the keypoints `own` (N, K), in the crop and outside."""
         features, outside = _features(detections, sides), own & (detections.peak >= 1.0)
         within = own & ~outside
-        beyond = _logistic(features[outside][:, :2], good[outside]) if outside.any() else []
-        return cls(*_logistic(features[within], good[within]), *beyond)
+        beyond = logistic_regression(features[outside][:, :2], good[outside]) if outside.any() else []
+        return cls(*logistic_regression(features[within], good[within]), *beyond)
 
     @classmethod
     def of(cls, numbers: Sequence[float]) -> Calibration:
@@ -100,7 +100,7 @@ class Calibration:
         return self.bias, self.spread, self.peak, self.outside_bias, self.outside_spread
 
 
-def _logistic(x: FloatArray, good: NDArray[np.bool_]) -> list[float]:
+def logistic_regression(x: FloatArray, good: NDArray[np.bool_]) -> list[float]:
     """Logistic regression of `good` (M,) on features (M, F), by Newton's method."""
     y = good.astype(np.float64)
     theta, ridge = np.zeros(x.shape[1]), 1e-3 * np.eye(x.shape[1])

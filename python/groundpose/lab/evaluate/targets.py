@@ -18,7 +18,8 @@ from groundpose.lab.contenders.own import DEFAULT
 from groundpose.lab.contenders.registry import described
 from groundpose.lab.contenders.use import with_scores
 from groundpose.lab.data import data_folder
-from groundpose.lab.evaluate import accuracy, cost, guarantee, honesty, report
+from groundpose.lab.evaluate import accuracy, cost, guarantee, report
+from groundpose.lab.evaluate.honesty import synthetic
 from groundpose.lab.evaluate.real import line_of
 from groundpose.lab.evaluate.real_data import kitti
 from groundpose.lab.evaluate.rows import Context, Result, Row, to_json
@@ -49,8 +50,8 @@ ROWS = (
     Row("flat", "E3 to 5 deg and E4 to 5 px are flat without priors", accuracy.flatness),
     Row("flat-prior", "E3 to 5 deg is nearly flat with the default priors", accuracy.flatness_with_prior),
     Row("real", "real CNN keypoints, KITTI", real_keypoints),
-    Row("covariance", "stated covariances hold the truth (our own target)", honesty.coverage),
-    Row("chance", "chance is refused (our own target)", honesty.chance),
+    Row("covariance", "stated covariances hold the truth (our own target)", synthetic.coverage),
+    Row("chance", "chance is refused (our own target)", synthetic.chance),
     Row("time", "time, one thread, Python batch call", cost.time_one_thread),
     Row("threads", "two threads", cost.two_threads),
     Row("memory", "memory of a batch", cost.memory),

@@ -20,6 +20,7 @@ from PIL import Image, ImageDraw
 
 import groundpose as gp
 from groundpose._checks import FloatArray, input_error
+from groundpose.calibration import read_kitti_projection
 from groundpose.formats.kitti.labels import CLASS_OF, KittiLabel, read_labels
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.image import as_rgb
@@ -42,6 +43,7 @@ class Street:
     view: gp.View
     bboxes: FloatArray
     R: FloatArray
+    t: FloatArray
     classes: tuple[str, ...]
     easy: NDArray[np.bool_]
 
@@ -53,11 +55,16 @@ def looks(street: Street, count: int, seed: int = 0, noise: float = 0.03) -> lis
     rng = np.random.default_rng(seed)
     found = []
     for one in (street, _mirrored(street)):
-        sides = np.tile(one.bboxes[:, 2:] - one.bboxes[:, :2], 2)
         for i in range(count):
-            shift = noise * np.clip(rng.normal(size=sides.shape), -2.0, 2.0) * sides
-            found.append(replace(one, bboxes=one.bboxes + (i > 0) * shift))
+            moved = moved_boxes(one.bboxes, rng, noise)
+            found.append(replace(one, bboxes=moved if i > 0 else one.bboxes))
     return found
+
+
+def moved_boxes(boxes: FloatArray, rng: np.random.Generator, noise: float = 0.03) -> FloatArray:
+    """Boxes (N, 4) whose sides are moved by a fraction `noise` (one standard deviation) of them."""
+    sides = np.tile(boxes[:, 2:] - boxes[:, :2], 2)
+    return np.asarray(boxes + noise * np.clip(rng.normal(size=boxes.shape), -2.0, 2.0) * sides)
 
 
 def _mirrored(street: Street) -> Street:
@@ -72,6 +79,7 @@ def _mirrored(street: Street) -> Street:
         view=replace(street.view, camera=replace(camera, cx=last - camera.cx), roll=-street.view.roll),
         bboxes=bboxes,
         R=mirror @ street.R @ mirror,
+        t=street.t @ mirror,
     )
 
 
@@ -99,8 +107,9 @@ def streets(folder: Path, types: tuple[str, ...] = ("Car",), pitch_deg: float = 
 
 def _street(folder: Path, path: Path, types: tuple[str, ...], pitch: float) -> Street:
     image = as_rgb(folder / "image_2" / f"{path.stem}.png")
-    size = (image.shape[1], image.shape[0])
-    camera = gp.Camera.from_kitti(folder / "calib" / path.name, image_size=size)
+    projection = read_kitti_projection(folder / "calib" / path.name, "P2")
+    camera = gp.Camera.from_K(projection[:, :3], image_size=(image.shape[1], image.shape[0]))
+    camera_from_labels = np.linalg.solve(projection[:, :3], projection[:, 3])
     rows = [label for label in read_labels(path) if label.type in types and is_judged(label)]
     angles = np.array([row.rotation_y for row in rows])
     return Street(
@@ -109,6 +118,7 @@ def _street(folder: Path, path: Path, types: tuple[str, ...], pitch: float) -> S
         gp.View(camera, pitch),
         np.array([row.bbox for row in rows]).reshape(-1, 4),
         rotation_about_y(angles + math.pi / 2),
+        np.array([row.location for row in rows]).reshape(-1, 3) + camera_from_labels,
         tuple(CLASS_OF[row.type] for row in rows),
         np.array([_height(row) >= EASY_HEIGHT and row.occluded == 0 for row in rows], dtype=bool),
     )

@@ -80,15 +80,23 @@ def photographs(folder: Path, codec: Codec) -> Crops:
 def backgrounds(frames: Path, codec: Codec) -> Crops:
     """ "street" (crops that meet no label nor region to ignore) and "person" of frames in KITTI's layout."""
     for path in sorted((frames / "label_2").glob("*.txt")):
-        image, labels = as_rgb(frames / "image_2" / f"{path.stem}.png"), read_labels(path)
-        size = np.array([image.shape[1], image.shape[0]], dtype=float)
-        rng = np.random.default_rng([89, int(path.stem)])
-        boxes = background_boxes(size, _boxes(labels), rng, PER_FRAME, codec)
+        image = as_rgb(frames / "image_2" / f"{path.stem}.png")
+        for kind, boxes in places(image, read_labels(path), int(path.stem), codec):
+            yield kind, codec.crops(image, boxes)
+
+
+def places(
+    image: ByteArray, labels: list[KittiLabel], number: int, codec: Codec
+) -> Iterator[tuple[str, FloatArray]]:
+    """Kind and boxes (n, 4) of places in a frame, by its number, that meet no vehicle."""
+    size = np.array([image.shape[1], image.shape[0]], dtype=float)
+    rng = np.random.default_rng([89, number])
+    for kind, boxes in (
+        ("street", background_boxes(size, _boxes(labels), rng, PER_FRAME, codec)),
+        ("person", people_boxes(labels)),
+    ):
         if len(boxes):
-            yield "street", codec.crops(image, boxes)
-        people = people_boxes(labels)
-        if len(people):
-            yield "person", codec.crops(image, people)
+            yield kind, boxes
 
 
 def background_boxes(

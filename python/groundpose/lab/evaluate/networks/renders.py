@@ -19,6 +19,7 @@ from groundpose.lab.drive import Label, labels, scene, scene_seed
 from groundpose.lab.drive.rigs import CAMERA, Range, Rig
 from groundpose.lab.training.crops import Crops, Records, Sample, write_crops
 from groundpose.lab.training.rendered import drawn_frames, vehicle_sample
+from groundpose.lab.training.streets import moved_boxes
 
 SPLIT, SEED = "test", 0
 FRAME_STEP, FRAMES_PER_SHARD, MOST_FRAMES = 10, 10, 1000
@@ -139,14 +140,15 @@ def with_truth(crops: Crops, rig: Rig) -> Renders:
     return Renders(crops, views, rows, R, alpha, np.arctan2(location[:, 0], location[:, 2]))
 
 
-def labelled(seen: dict[int, Label], crop: Records) -> Label:
-    """The label of a crop's vehicle among those of its frame, by index.
+def labelled(seen: dict[int, Label], crop: Records, tolerance: float = 0.01) -> Label:
+    """The label of a crop's vehicle among those of its frame, by index; its box is that of the crop within
+    `tolerance` pixels.
 
     Raises:
         InputError: the frame has another vehicle there: another camera or version of the drive drew the crop.
     """
     label = seen.get(int(crop["object"]))
-    if label is None or not np.allclose(label.bbox, crop["box"], atol=0.01):
+    if label is None or not np.allclose(label.bbox, crop["box"], atol=tolerance):
         raise input_error("crops", "the held-out drive of this version, seen by the same camera", "others")
     return label
 
@@ -154,14 +156,13 @@ def labelled(seen: dict[int, Label], crop: Records) -> Label:
 def moved(seen: Renders, looks: int, noise: float = 0.03) -> Renders:
     """Every vehicle `looks` times, once with its box and then with the sides of the box moved by a fraction
     `noise` (one standard deviation) of them, as `streets.looks` does."""
-    rng, count = np.random.default_rng(0), len(seen.crops)
-    boxes = np.tile(seen.crops.labels["box"].astype(np.float64), (looks, 1))
-    sides = np.tile(boxes[:, 2:] - boxes[:, :2], 2)
-    shift = noise * np.clip(rng.normal(size=boxes.shape), -2.0, 2.0) * sides
-    shift[:count] = 0.0
+    count = len(seen.crops)
+    given = np.tile(seen.crops.labels["box"].astype(np.float64), (looks, 1))
+    boxes = moved_boxes(given, np.random.default_rng(0), noise)
+    boxes[:count] = given[:count]
     starts = count * np.arange(looks)
     return Renders(
-        seen.crops.of(np.tile(np.arange(count), looks), boxes + shift),
+        seen.crops.of(np.tile(np.arange(count), looks), boxes),
         seen.views,
         [np.add.outer(starts, rows).ravel() for rows in seen.rows],
         np.tile(seen.R, (looks, 1, 1)),

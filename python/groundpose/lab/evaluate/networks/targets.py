@@ -144,10 +144,10 @@ WANTED = (
 )
 
 
-def target_table(found: dict[str, Any]) -> list[dict[str, Any]]:
+def target_table(found: dict[str, Any], rows: tuple[Wanted, ...] = WANTED) -> list[dict[str, Any]]:
     """Lines of the page's first table."""
     lines = []
-    for wanted in WANTED:
+    for wanted in rows:
         check = wanted.check(found)
         measured = f"{check.value:.3g}{wanted.target.unit}" if check.known else "not measured"
         lines.append({

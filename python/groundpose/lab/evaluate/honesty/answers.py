@@ -1,0 +1,144 @@
+"""The solver's answers for what a network saw, and their errors in the solver's own units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundpose import Options, estimate_poses
+from groundpose._checks import FloatArray
+from groundpose.lab.evaluate.honesty.coverage import Stated, errors
+from groundpose.lab.evaluate.honesty.seen import Records, by_view, view_of
+from groundpose.lab.training.crops import NOTHING
+from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
+
+RIGHT_YAW_DEG, RIGHT_DISTANCE = 15.0, 0.15
+"""Limits of a right answer: degrees of yaw, and a fraction of the true distance."""
+MOST_HIDDEN, MOST_CUT, LEAST_HEIGHT = 0.5, 0.15, 25.0
+"""Limits of a well visible vehicle: fractions hidden by others and outside the image; pixels of the box."""
+_FACTORS = (1.0, 2.0)
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """Answers for N boxes, NaN without one.
+
+    Attributes:
+        seen: what network and truth say of the boxes.
+        ok: (N,) whether there is a pose, at whatever probability.
+        R, t: the poses, (N, 3, 3) and (N, 3). up: (N, 3) the ground's normal (downwards) in the camera.
+        covariance: (N, 6, 6) for independent keypoint errors (error factor 1).
+        growth: (N, 6, 6) what each unit of the error factor adds to it.
+        evidence: (N, 6). ambiguity: (N,).
+        other_R: (N, 3, 3) of the other reading, NaN without one.
+    """
+
+    seen: Records
+    ok: Mask
+    R: FloatArray
+    t: FloatArray
+    up: FloatArray
+    covariance: FloatArray
+    growth: FloatArray
+    evidence: FloatArray
+    ambiguity: FloatArray
+    other_R: FloatArray
+
+    def __len__(self) -> int:
+        """Number of boxes."""
+        return len(self.seen)
+
+    def only(self, rows: Mask) -> Answers:
+        """Those in a mask (N,)."""
+        return Answers(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    @classmethod
+    def joined(cls, parts: list[Answers]) -> Answers:
+        """All of several sources."""
+        names = cls.__dataclass_fields__
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+    @property
+    def vehicles(self) -> Mask:
+        """(N,): whether there is a vehicle."""
+        return np.asarray(self.seen["class"] != NOTHING)
+
+    @property
+    def well_visible(self) -> Mask:
+        """(N,): vehicles that are large and visible enough to be judged by the regions."""
+        box = self.seen["box"]
+        seen = (self.seen["hidden"] <= MOST_HIDDEN) & (self.seen["cut"] <= MOST_CUT)
+        return np.asarray(self.vehicles & seen & (box[:, 3] - box[:, 1] >= LEAST_HEIGHT))
+
+    @cached_property
+    def yaw_error(self) -> FloatArray:
+        """(N,) degrees, 0 to 180, about the ground's normal; NaN without a truth or an answer."""
+        return _yaw_error(self.seen["R"], self.R)
+
+    @cached_property
+    def other_yaw_error(self) -> FloatArray:
+        """(N,) the same of the other reading; NaN without one."""
+        return _yaw_error(self.seen["R"], self.other_R)
+
+    @cached_property
+    def right(self) -> Mask:
+        """(N,): vehicles whose yaw and distance are right."""
+        found, true = (np.linalg.norm(t, axis=1) for t in (self.t, self.seen["t"]))
+        with np.errstate(invalid="ignore"):
+            near = np.abs(found - true) <= RIGHT_DISTANCE * true
+            return np.asarray(near & (self.yaw_error <= RIGHT_YAW_DEG))
+
+    def stated(self, factor: float) -> Stated:
+        """Errors and covariances for keypoint errors with this factor (`Options.keypoint_error_factor`)."""
+        error = errors(self.seen["R"], self.seen["t"], self.R, self.t)
+        return Stated(error, self.covariance + (factor - 1.0) * self.growth, self.t, self.up)
+
+
+def _yaw_error(R_true: FloatArray, R: FloatArray) -> FloatArray:
+    relative = np.swapaxes(R, 1, 2) @ R_true
+    return np.asarray(np.abs(np.degrees(np.arctan2(relative[:, 0, 2], relative[:, 2, 2]))))
+
+
+def solve(seen: Records) -> Answers:
+    """Poses with the class that the network finds; none is refused for its probability.
+
+    Covariances are linear in the error factor, so two factors give those of all.
+    """
+    first, second = (_solved(seen, factor) for factor in _FACTORS)
+    growth = (second["covariance"] - first["covariance"]) / (_FACTORS[1] - _FACTORS[0])
+    return Answers(seen, growth=growth, **first)
+
+
+_FIELDS = {name: name for name in ("ok", "R", "t", "covariance", "evidence", "ambiguity")}
+_FIELDS["other_R"] = "alternative_R"
+"""Fields of `Answers` and of the poses."""
+
+
+def _solved(seen: Records, factor: float) -> dict[str, Any]:
+    options = Options(keypoint_error_factor=factor, min_probability=0.0)
+    classes = seen["classes"].argmax(axis=1)
+    own = [keypoint_indices(class_name) for class_name in CLASSES]
+    models = [shape_model(class_name) for class_name in CLASSES]
+    parts: dict[str, list[FloatArray]] = {name: [] for name in (*_FIELDS, "up")}
+    for rows in by_view(seen):
+        view = view_of(seen["view"][rows[0]])
+        poses = estimate_poses(
+            view,
+            [seen["keypoints"][i, own[classes[i]]] for i in rows],
+            seen["box"][rows],
+            [models[classes[i]] for i in rows],
+            [seen["scores"][i, own[classes[i]]] for i in rows],
+            options,
+            threads=1,
+            vehicle_probability=seen["vehicle"][rows],
+            viewing_angle_probabilities=seen["viewing_angle"][rows],
+        )
+        for name, field in _FIELDS.items():
+            parts[name].append(getattr(poses, field))
+        parts["up"].append(np.tile(view.R_camera_from_ground[:, 1], (len(rows), 1)))
+    return {name: np.concatenate(values) for name, values in parts.items()}

@@ -1,0 +1,22 @@
+"""Certainty written into the metadata of a network's file."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+from groundpose.keypoints.certainty import Certainty
+from groundpose.keypoints.network import CERTAINTY
+
+
+def store(path: Path, certainty: Certainty) -> None:
+    """Write the numbers into the ONNX file at `path`; the file is complete at every moment."""
+    import onnx
+
+    model = onnx.load(str(path))
+    said = {p.key: p.value for p in model.metadata_props} | {CERTAINTY: json.dumps(certainty.numbers())}
+    onnx.helper.set_model_props(model, said)
+    temporary = path.with_suffix(f".tmp{os.getpid()}")
+    onnx.save(model, str(temporary))
+    temporary.replace(path)
