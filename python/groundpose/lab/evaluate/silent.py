@@ -20,7 +20,7 @@ from groundpose.lab.contenders import own
 from groundpose.lab.contenders.objects import Array, Objects
 from groundpose.lab.contenders.own import PRIOR_DEG, Own
 from groundpose.lab.evaluate import report
-from groundpose.lab.evaluate.honesty import GROSS_DEG
+from groundpose.lab.evaluate.honesty.synthetic import GROSS_DEG
 from groundpose.lab.evaluate.misled import CASES, Case
 
 JSON, BEFORE, PAGE = Path("results/silent.json"), Path("results/silent_before.json"), Path("docs/silent.md")
