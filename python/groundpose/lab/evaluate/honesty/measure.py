@@ -62,7 +62,7 @@ def measure(root: Path, networks: list[str], crops: Path, fit_on: Path | None, t
     found = report.read_json(out) | {"command": _command(networks), "versions": report.versions()}
     tell("synthetic scenes")
     found["callers"] = callers()
-    for name, path in (one.split("=", 1) for one in networks):
+    for name, _, path in (one.partition("=") for one in networks):
         if fit_on is not None:
             tell(f"{name}: fit on the validation split")
             fit_file(Path(path), fit_on, tell)
@@ -74,9 +74,8 @@ def measure(root: Path, networks: list[str], crops: Path, fit_on: Path | None, t
 
 
 def _command(networks: list[str]) -> str:
-    return " ".join(
-        ["groundpose evaluate honesty", *(f"{one.split('=', 1)[0]}=FILE.onnx" for one in networks)]
-    )
+    named = [f"{one.partition('=')[0]}=FILE.onnx" for one in networks]
+    return " ".join(["groundpose evaluate honesty", *named, *(["--crops FOLDER"] if networks else [])])
 
 
 def fit_file(path: Path, crops: Path, tell: Tell) -> None:

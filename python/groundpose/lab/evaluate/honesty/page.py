@@ -72,7 +72,8 @@ def _between(text: str, marks: tuple[str, str], new: str) -> str:
 def tables(found: dict[str, Any]) -> str:
     """All of them."""
     trained = found.get("trained", {})
-    parts = [f"`{found['command']}`", "### Targets", table(target_table(found, WANTED))]
+    parts = [f"`{found['command']}`", *(FIGURES if trained else ()), "### Targets"]
+    parts.append(table(target_table(found, WANTED)))
     for title, words, lines in (
         ("Keypoints of the caller", COVERAGE, _callers(found["callers"])),
         ("Fitted numbers", FITTED, _certainty(trained)),
@@ -86,6 +87,13 @@ def tables(found: dict[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
+FIGURES = tuple(
+    f"![{words}]({path.name})"
+    for words, path in (
+        ("Fraction of true values inside the stated regions, against the level", figures.COVERAGE),
+        ("Probability and ambiguity against the fraction that is true", figures.RELIABILITY),
+    )
+)
 COVERAGE = (
     "Percentage of right answers whose truth is inside the stated 50 / 90 / 95 % region, by quantity; "
     "sharpness: median stated standard deviation over the robust one of the errors."
