@@ -38,11 +38,11 @@ fn groups() -> [Group; 19] {
         group("p1p", 200, vehicle, solver(Solver::P1p), 0x78A8_A84A_FFEB_9975),
         group("p3p", 200, vehicle, solver(Solver::P3p), 0x609F_D9B5_9726_047B),
         group("up2p", 200, vehicle, solver(Solver::Up2p), 0x98C2_B478_81BE_698E),
-        group("p1p_height", 200, of_known_height, solver(Solver::P1pHeight), 0x6C7B_8454_D97D_159C),
+        group("p1p_height", 200, of_known_height, solver(Solver::P1pHeight), 0x32DC_2E83_689C_D553),
         group("no refinement", 200, shaped, refinement(Refinement::None), 0x5DE5_A5CD_0989_A077),
         group("gn", 200, shaped, refinement(Refinement::Gn), 0x430E_4245_D8CB_2570),
         group("re", 200, shaped, refinement(Refinement::Re), 0x2A77_3BF4_C856_2639),
-        group("hre", 200, shaped, refinement(Refinement::Hre), 0xF614_D534_AEB4_D4F1),
+        group("hre", 200, shaped, refinement(Refinement::Hre), 0x1EC0_D9E3_F06E_8418),
         group("free tilt", 200, tilted, ours.without_tilt(), 0xCBA3_7989_FD3F_3BB9),
     ]
 }

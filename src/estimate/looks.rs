@@ -23,13 +23,15 @@ pub(crate) struct Looks {
 impl Looks {
     pub(crate) fn of(object: &Object, state: &State) -> Self {
         let nothing = Self { misfit: None, too_small: false };
-        let Some(longer_side) = object.given_bbox().longer_side() else { return nothing };
+        if object.given_bbox().longer_side().is_none() {
+            return nothing;
+        }
         // Where the box only makes hypotheses, its sides still tell how well it agrees.
         let priors = Priors { bbox_sigma: 1.0, ..priors(object, 1.0) };
         let (unit, view, model) = (object.unit, object.view, object.observation.model());
         let Some(sides) = (PriorTerms { unit, priors: &priors, view, model }).sides(state) else { return nothing };
         let too_small = is_too_small(&sides, &object.usable_bbox);
-        Self { misfit: rms(&sides).map(|rms| rms / longer_side), too_small }
+        Self { misfit: rms(&sides).map(|rms| rms / object.size()), too_small }
     }
 
     /// What they say against a pose: log10 of the likelihood of four sides that agree against that of sides with this

@@ -7,7 +7,7 @@ use crate::error::NoPose;
 use crate::estimate::options::Options;
 use crate::estimate::workspace::Buffers;
 use crate::geometry::bbox::Bbox;
-use crate::geometry::math::square;
+use crate::geometry::math::{sqrt, square};
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
 use crate::refine::keypoints::Keypoints;
@@ -88,6 +88,12 @@ impl<'a> Object<'a> {
     /// The box as given; unknown sides are NaN.
     pub(crate) fn given_bbox(&self) -> Bbox {
         given_bbox(self.observation)
+    }
+
+    /// How large it looks, pixels: the longer side of the box, of which keypoints stand for unknown sides.
+    pub(crate) fn size(&self) -> f64 {
+        // The side of a square of the same area is never the longer one of a box whose sides are all known.
+        self.given_bbox().longer_side().unwrap_or(0.0).max(sqrt(self.noise.area))
     }
 }
 

@@ -7,8 +7,8 @@ use crate::refine::region::region_radius2;
 use crate::refine::schedule::Refinement;
 use crate::search::score::Scoring;
 use crate::tuning::{
-    CALLERS_PROBABILITY, HRE_THRESHOLDS, MAX_LOG10_NFA, MIN_PROBABILITY, OBJECT_TILT_SIGMA, RELATIVE_BBOX_SIGMA,
-    RELATIVE_THRESHOLD,
+    HRE_THRESHOLDS, MAX_LOG10_NFA, MIN_PROBABILITY, OBJECT_TILT_SIGMA, PROBABILITY_WITH_SCORES,
+    PROBABILITY_WITHOUT_SCORES, RELATIVE_BBOX_SIGMA, RELATIVE_THRESHOLD,
 };
 
 /// Which minimal solver makes the hypotheses.
@@ -69,7 +69,7 @@ impl Solver {
 /// assert_eq!(ours.effective_tilt_sigma(), Options::OBJECT_TILT_SIGMA);
 /// assert_eq!((ours.effective_bbox_sigma(4.0), ours.effective_shape_prior()), (8.0, true));
 /// // Keypoints of the caller err independently; those of a network do not, and have heavy tails.
-/// let (factor, coefficients) = (ours.effective_keypoint_error_factor(), ours.effective_probability_coefficients());
+/// let (factor, coefficients) = (ours.effective_keypoint_error_factor(), ours.effective_probability_coefficients(false));
 /// assert_eq!((factor, coefficients.len()), (1.0, 1 + EVIDENCE));
 /// let network = Options { keypoint_error_factor: Some(15.0), keypoint_error_dof: Some(5.6), min_probability: Some(0.5), ..ours };
 /// assert_eq!((network.effective_keypoint_error_factor(), network.effective_min_probability()), (15.0, 0.5));
@@ -126,7 +126,7 @@ pub struct Options {
     /// `None`: infinite, Gaussian errors.
     pub keypoint_error_dof: Option<f64>,
     /// Coefficients of the probability that an answer is right: a bias, and one for each number of
-    /// [`crate::estimate::probability::Evidence`]. `None`: those for keypoints of the caller.
+    /// [`crate::estimate::probability::Evidence`]. `None`: those for keypoints of the caller, with scores or without.
     pub probability_coefficients: Option<ProbabilityCoefficients>,
     /// Least probability of an answer; 0: never refuse. `None`: that for keypoints of the caller.
     pub min_probability: Option<f64>,
@@ -222,10 +222,11 @@ impl Options {
         region_radius2(level, dimensions, self.keypoint_error_dof.unwrap_or(f64::INFINITY))
     }
 
-    /// The coefficients that apply.
+    /// The coefficients that apply to keypoints with or without scores.
     #[must_use]
-    pub fn effective_probability_coefficients(&self) -> ProbabilityCoefficients {
-        self.probability_coefficients.unwrap_or(CALLERS_PROBABILITY)
+    pub fn effective_probability_coefficients(&self, has_scores: bool) -> ProbabilityCoefficients {
+        let callers = if has_scores { PROBABILITY_WITH_SCORES } else { PROBABILITY_WITHOUT_SCORES };
+        self.probability_coefficients.unwrap_or(callers)
     }
 
     /// The least probability that applies.

@@ -1,8 +1,8 @@
 //! The probability that an answer is right: its yaw within 15 degrees, its distance within 15 %.
 //!
 //! A logistic model on what speaks for and against it, $`1 / (1 + \exp(-c_0 - \sum_k c_k e_k))`$ with the evidence
-//! $`e`$ of [`Evidence`]. Its coefficients are fitted on answers whose truth is known: [`CALLERS_PROBABILITY`] for
-//! keypoints of the caller, a network's own for those of a network.
+//! $`e`$ of [`Evidence`]. Its coefficients are fitted on answers whose truth is known: those in
+//! [`crate::tuning`] for keypoints of the caller, a network's own for those of a network.
 
 use crate::geometry::math::{exp, log};
 use crate::model::observation::Observation;

@@ -1,6 +1,7 @@
 """How sure answers are: statistics on data whose truth is known, the fit, and what is stored in a file."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from groundpose.lab.evaluate.honesty.answers import Answers, solve
 from groundpose.lab.evaluate.honesty.coverage import Stated, covered, inside, rotation_vectors, sharpness
 from groundpose.lab.evaluate.honesty.measure import fit_file, measure
 from groundpose.lab.evaluate.honesty.store import store
+from groundpose.lab.evaluate.report import read_json
 from groundpose.lab.training.crops import NOTHING
 
 N = 4000
@@ -322,6 +324,13 @@ def test_page_and_sentence(tmp_path):
     assert page.with_sentence(readme, found) == readme
     for figure in ("honesty_coverage.png", "honesty_reliability.png"):
         assert (tmp_path / "docs" / figure).stat().st_size > 5000
+
+
+def test_the_sentence_of_the_readme_is_what_was_measured():
+    root = Path(__file__).parents[2]
+    found = read_json(root / page.RESULTS)
+    text = (root / page.README).read_text("utf-8")
+    assert page.with_sentence(text, found) == text, "run: groundpose evaluate pages"
 
 
 def test_a_network_without_certainty_is_named(tmp_path, network):

@@ -78,20 +78,17 @@ class Answers:
     @cached_property
     def yaw_error(self) -> FloatArray:
         """(N,) degrees, 0 to 180, about the ground's normal; NaN without a truth or an answer."""
-        return _yaw_error(self.seen["R"], self.R)
+        return yaw_error(self.seen["R"], self.R)
 
     @cached_property
     def other_yaw_error(self) -> FloatArray:
         """(N,) the same of the other reading; NaN without one."""
-        return _yaw_error(self.seen["R"], self.other_R)
+        return yaw_error(self.seen["R"], self.other_R)
 
     @cached_property
     def right(self) -> Mask:
         """(N,): vehicles whose yaw and distance are right."""
-        found, true = (np.linalg.norm(t, axis=1) for t in (self.t, self.seen["t"]))
-        with np.errstate(invalid="ignore"):
-            near = np.abs(found - true) <= RIGHT_DISTANCE * true
-            return np.asarray(near & (self.yaw_error <= RIGHT_YAW_DEG))
+        return right(self.seen["R"], self.seen["t"], self.R, self.t)
 
     def stated(self, factor: float) -> Stated:
         """Errors and covariances for keypoint errors with this factor (`Options.keypoint_error_factor`)."""
@@ -99,9 +96,18 @@ class Answers:
         return Stated(error, self.covariance + (factor - 1.0) * self.growth, self.t, self.up)
 
 
-def _yaw_error(R_true: FloatArray, R: FloatArray) -> FloatArray:
+def yaw_error(R_true: FloatArray, R: FloatArray) -> FloatArray:
+    """(N,) degrees, 0 to 180, about the ground's normal; NaN where a rotation is."""
     relative = np.swapaxes(R, 1, 2) @ R_true
     return np.asarray(np.abs(np.degrees(np.arctan2(relative[:, 0, 2], relative[:, 2, 2]))))
+
+
+def right(R_true: FloatArray, t_true: FloatArray, R: FloatArray, t: FloatArray) -> Mask:
+    """(N,): whether yaw and distance of poses are right; not where anything is NaN."""
+    found, true = np.linalg.norm(t, axis=1), np.linalg.norm(t_true, axis=1)
+    with np.errstate(invalid="ignore"):
+        near = np.abs(found - true) <= RIGHT_DISTANCE * true
+        return np.asarray(near & (yaw_error(R_true, R) <= RIGHT_YAW_DEG))
 
 
 def solve(seen: Records) -> Answers:

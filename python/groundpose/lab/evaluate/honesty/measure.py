@@ -17,7 +17,7 @@ from groundpose._checks import input_error
 from groundpose.keypoints.network import Network
 from groundpose.lab.data import data_folder
 from groundpose.lab.evaluate import report
-from groundpose.lab.evaluate.honesty import numbers, sources, synthetic
+from groundpose.lab.evaluate.honesty import callers, numbers, sources, synthetic
 from groundpose.lab.evaluate.honesty.answers import Answers, Mask, solve
 from groundpose.lab.evaluate.honesty.coverage import covered
 from groundpose.lab.evaluate.honesty.fit import fit
@@ -61,8 +61,8 @@ def measure(root: Path, networks: list[str], crops: Path, fit_on: Path | None, t
     out = root / RESULTS
     found = report.read_json(out) | {"command": _command(networks), "versions": report.versions()}
     tell("synthetic scenes")
-    found["callers"] = callers()
-    for name, path in (one.split("=", 1) for one in networks):
+    found["callers"], found["callers_probability"] = coverage_of_callers(), callers.judged(data_folder())
+    for name, _, path in (one.partition("=") for one in networks):
         if fit_on is not None:
             tell(f"{name}: fit on the validation split")
             fit_file(Path(path), fit_on, tell)
@@ -74,9 +74,8 @@ def measure(root: Path, networks: list[str], crops: Path, fit_on: Path | None, t
 
 
 def _command(networks: list[str]) -> str:
-    return " ".join(
-        ["groundpose evaluate honesty", *(f"{one.split('=', 1)[0]}=FILE.onnx" for one in networks)]
-    )
+    named = [f"{one.partition('=')[0]}=FILE.onnx" for one in networks]
+    return " ".join(["groundpose evaluate honesty", *named, *(["--crops FOLDER"] if networks else [])])
 
 
 def fit_file(path: Path, crops: Path, tell: Tell) -> None:
@@ -110,7 +109,7 @@ def judged(judge: Judge, crops: Path) -> dict[str, Any]:
     return found
 
 
-def callers() -> dict[str, Any]:
+def coverage_of_callers() -> dict[str, Any]:
     """Coverage for keypoints of the caller: synthetic scenes, and ApolloCar3D if the data folder has it."""
     return {
         name: covered(stated, float("inf"))

@@ -72,9 +72,11 @@ def _between(text: str, marks: tuple[str, str], new: str) -> str:
 def tables(found: dict[str, Any]) -> str:
     """All of them."""
     trained = found.get("trained", {})
-    parts = [f"`{found['command']}`", "### Targets", table(target_table(found, WANTED))]
+    parts = [f"`{found['command']}`", *(FIGURES if trained else ()), "### Targets"]
+    parts.append(table(target_table(found, WANTED)))
     for title, words, lines in (
         ("Keypoints of the caller", COVERAGE, _callers(found["callers"])),
+        ("Their probability", CALLERS, _callers_probability(found["callers_probability"])),
         ("Fitted numbers", FITTED, _certainty(trained)),
         ("Regions", COVERAGE, _coverage(trained)),
         ("Right answers and their probability", PROBABILITY, _probability(trained)),
@@ -86,9 +88,20 @@ def tables(found: dict[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
+FIGURES = tuple(
+    f"![{words}]({path.name})"
+    for words, path in (
+        ("Fraction of true values inside the stated regions, against the level", figures.COVERAGE),
+        ("Probability and ambiguity against the fraction that is true", figures.RELIABILITY),
+    )
+)
 COVERAGE = (
     "Percentage of right answers whose truth is inside the stated 50 / 90 / 95 % region, by quantity; "
     "sharpness: median stated standard deviation over the robust one of the errors."
+)
+CALLERS = (
+    "Percentage of the poses that are right, mean distance of stated and true probability (percent), AUC of right "
+    "against wrong ones. \"Every quality\": up to all keypoints wrong, noise up to 6 % of the box, a quarter seen."
 )
 FITTED = "What `--fit` has stored in the network's file."
 PROBABILITY = (
@@ -117,6 +130,20 @@ def _inside(covered: dict[str, Any]) -> dict[str, Any]:
 
 def _callers(callers: dict[str, Any]) -> list[dict[str, Any]]:
     return [{"keypoints": name, **_inside(one)} for name, one in callers.items()]
+
+
+def _callers_probability(judged: dict[str, Any]) -> list[dict[str, Any]]:
+    return [
+        {
+            "keypoints": name,
+            "objects": one["objects"],
+            "with a pose": one["answers"],
+            "right": one["right"],
+            "error": 100 * one["calibration_error"],
+            "AUC": one["auc"],
+        }
+        for name, one in judged.items()
+    ]
 
 
 def _certainty(trained: dict[str, Any]) -> list[dict[str, Any]]:
