@@ -150,7 +150,7 @@ pub(crate) const VEHICLE_LOGIT_LIMIT: f64 = 7.0;
 /// which nothing is known), ambiguity. Fitted on a mixture of synthetic objects of every quality; there the probabilities
 /// are right within 2 % (`python -m groundpose.lab.evaluate.honesty.callers`).
 pub(crate) const PROBABILITY_WITHOUT_SCORES: [f64; 7] = [1.42, 0.25, -1.01, -1.55, -1.33, 0.0, -0.15];
-pub(crate) const PROBABILITY_WITH_SCORES: [f64; 7] = [5.02, 2.73, -0.22, -0.18, -0.35, 0.0, -0.26];
+pub(crate) const PROBABILITY_WITH_SCORES: [f64; 7] = [5.01, 2.73, -0.23, -0.18, -0.35, 0.0, -0.26];
 /// Least probability of an answer to keypoints of the caller: of the mixture's right answers 99.8 % stay, of those to
 /// keypoints labelled by hand 98 %, of V1 and E1 all.
 pub(crate) const MIN_PROBABILITY: f64 = 0.15;

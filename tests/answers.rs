@@ -42,7 +42,7 @@ fn groups() -> [Group; 19] {
         group("no refinement", 200, shaped, refinement(Refinement::None), 0x5DE5_A5CD_0989_A077),
         group("gn", 200, shaped, refinement(Refinement::Gn), 0x430E_4245_D8CB_2570),
         group("re", 200, shaped, refinement(Refinement::Re), 0x2A77_3BF4_C856_2639),
-        group("hre", 200, shaped, refinement(Refinement::Hre), 0x1EC0_D9E3_F06E_8418),
+        group("hre", 200, shaped, refinement(Refinement::Hre), 0xF614_D534_AEB4_D4F1),
         group("free tilt", 200, tilted, ours.without_tilt(), 0xCBA3_7989_FD3F_3BB9),
     ]
 }

@@ -24,7 +24,7 @@ fn half_hidden(k: u64) -> Case {
 }
 
 fn never_refusing(solver: Solver) -> Options {
-    Options { solver, max_log10_nfa: f64::INFINITY, ..Options::default() }
+    Options { solver, max_log10_nfa: f64::INFINITY, min_probability: Some(0.0), ..Options::default() }
 }
 
 /// Objects within 10 degrees of the truth.

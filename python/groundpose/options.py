@@ -58,9 +58,10 @@ class Options(Value):
         keypoint_error_dof: degrees of freedom of Student's t of the errors of a pose, more than 2; few are heavy
             tails, see `PoseBatch.region`. None: infinite (Gaussian), or the network's own.
         probability_coefficients: of the logistic model of `probability`: a bias and one for each number of
-            `evidence`; None: those for keypoints of the caller, or the network's own.
-        min_probability: answers less probable to be right get the status "improbable"; 0: none does; None: the
-            default for keypoints of the caller, or the network's own.
+            `evidence`; None: those for keypoints of the caller, with scores or without, or the network's own.
+        min_probability: answers less probable to be right get the status "improbable", as do poses that look far
+            smaller than their boxes; 0: none does; None: the network's own, or for keypoints of the caller 0.15 in
+            the default refinement and 0 in the paper's.
         score_weights: whether keypoint scores weigh the residuals (they order the draws in any case).
         seed: of the random draws; an object's draws depend on it and the object's index only.
 

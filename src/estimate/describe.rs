@@ -175,7 +175,8 @@ fn certainty(object: &Object, verified: &Verified, memory: &mut Memory) -> Resul
     let evidence = facts(object, verified, visible, doubt.ambiguity).evidence();
     let coefficients = options.effective_probability_coefficients(object.observation.has_scores());
     let probability = probability(&coefficients, &evidence);
-    if verified.looks.too_small || !(probability >= options.effective_min_probability()) {
+    let least = options.effective_min_probability();
+    if least > 0.0 && (verified.looks.too_small || !(probability >= least)) {
         return Err(NoPose::Improbable);
     }
     let mut objective = objective(object, memory.keypoints.lend(), verified.noise.sigma);

@@ -128,7 +128,8 @@ pub struct Options {
     /// Coefficients of the probability that an answer is right: a bias, and one for each number of
     /// [`crate::estimate::probability::Evidence`]. `None`: those for keypoints of the caller, with scores or without.
     pub probability_coefficients: Option<ProbabilityCoefficients>,
-    /// Least probability of an answer; 0: never refuse. `None`: that for keypoints of the caller.
+    /// Least probability of an answer; 0: never refuse, not even a pose that looks far smaller than its box. `None`: 0.15,
+    /// for keypoints of the caller, in the default refinement, and 0 in the paper's.
     pub min_probability: Option<f64>,
     /// Whether keypoint scores weigh the residuals (they always order the draws).
     pub score_weights: bool,
@@ -232,7 +233,10 @@ impl Options {
     /// The least probability that applies.
     #[must_use]
     pub fn effective_min_probability(&self) -> f64 {
-        self.min_probability.unwrap_or(MIN_PROBABILITY)
+        self.min_probability.unwrap_or(match self.refinement {
+            Refinement::Default => MIN_PROBABILITY,
+            _ => 0.0,
+        })
     }
 
     /// # Errors

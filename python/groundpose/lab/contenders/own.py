@@ -98,10 +98,9 @@ PRIOR = Own("ours, tilt prior 1.5 deg", "tilt_sigma 1.5 deg, bbox_sigma inf", wi
 TIGHT_PRIOR = Own("ours, tilt prior 0.1 deg", "tilt_sigma 0.1 deg, bbox_sigma inf", with_tilt_prior(0.1))
 UP2P = Own("ours, UP2P search", "solver up2p", {"solver": "up2p"})
 P3P = Own("ours, P3P search", "solver p3p", {"solver": "p3p"})
-NEVER_REFUSES = Own("ours, never refusing", "the default with max_log10_nfa inf", {"max_log10_nfa": math.inf})
-UP2P_NEVER_REFUSES = Own(
-    "ours, UP2P, never refusing", "the same with solver up2p", {"solver": "up2p", "max_log10_nfa": math.inf}
-)
+_NEVER = {"max_log10_nfa": math.inf, "min_probability": 0.0}
+NEVER_REFUSES = Own("ours, never refusing", "max_log10_nfa inf, min_probability 0", _NEVER)
+UP2P_NEVER_REFUSES = Own("ours, UP2P, never refusing", "the same with solver up2p", {"solver": "up2p", **_NEVER})
 HRE = Own(
     "P1P search + HRE",
     "all corner pairs, truncated squared error",

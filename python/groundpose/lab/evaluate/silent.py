@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,10 @@ import numpy as np
 
 import groundpose as gp
 from groundpose.lab.contenders import own
-from groundpose.lab.contenders.objects import Array, Objects
+from groundpose.lab.contenders.objects import Array, Mask, Objects
 from groundpose.lab.contenders.own import PRIOR_DEG, Own
 from groundpose.lab.evaluate import report
+from groundpose.lab.evaluate.honesty.answers import yaw_error
 from groundpose.lab.evaluate.honesty.synthetic import GROSS_DEG
 from groundpose.lab.evaluate.misled import CASES, Case
 
@@ -30,15 +30,30 @@ HELD = Own(
     "tilt_sigma of the default, given: no last search without the ground",
     {"tilt_sigma": math.radians(PRIOR_DEG)},
 )
-LIMITS = {"pitch-20": 0.5, "lean-15": 0.5, "upside-down": 2.0, "class": 5.0}
-"""Most silent answers of a case, %, off by their heading; of those without a truth there is to be none."""
-INTRO = """How often the solver is wrong and sure of it, when the caller or the detector tells it something wrong:
-vehicles of the synthetic protocol V1 with one mistake each, keypoints of the caller, no network.
+LIMITS = {
+    **{"pitch-20": 0.5, "lean-15": 0.5, "upside-down": 2.0, "class": 5.0},
+    **dict.fromkeys(("collapsed", "shrunk", "tiny"), 0.0),
+}
+"""Most silent answers of a case, %, by their yaw; where the keypoints are in one place there is to be none."""
+_YAW, _ROTATION = "silent, yaw, %", "silent, rotation, %"
+NOTE = (
+    "*Before*: the solver without the last search, the check of collapsed keypoints and the least probability, on the same scenes."
+)
+INTRO = """# Wrong, and sure of it
+
+How often the solver is silent about a mistake, its own or that of whoever calls it: vehicles of the synthetic protocol
+V1 with one mistake each, keypoints of the caller, no network.
 
 **Silent**: status `ok`, wrong by more than 15 deg, by more than five standard deviations of the stated covariance of
-the rotation, and `ambiguity` below 0.1. *Heading* counts the angle between the true and the estimated forward axis,
-*rotation* that of the whole rotation: a pose that is upright on a ground told wrongly by 20 deg has a right heading and
-a rotation that is wrong by 20 deg. Where the keypoints say nothing of the object, every answer is wrong."""
+the rotation, and `ambiguity` below 0.1. *Yaw* counts the error about the object's up axis, *rotation* that of the whole
+rotation: a pose that is upright on a ground told wrongly by 20 deg has a right yaw and a rotation that is wrong by
+20 deg. Where the keypoints say nothing of the object, every answer is wrong and silent.
+
+Against silence there are three things. Where neither the keypoints nor the box convince, a last search does without the
+ground (`solver` is then `p3p`). Keypoints in one place of the box are `degenerate`, and a pose that looks far smaller
+than the box is `improbable`. So is an answer whose probability, fitted on a mixture of such objects and good ones, is
+below `min_probability` ([How sure an answer is](honesty.md)). Who gives `tilt_sigma` means it: then there is no last
+search (*held to the ground*)."""
 
 
 def rotation_vectors(R_true: Array, R: Array) -> Array:
@@ -65,17 +80,16 @@ def rotation_vectors(R_true: Array, R: Array) -> Array:
     return np.asarray(np.where((angle > 3.0)[:, None], angle[:, None] * axis, small))
 
 
-def judged(case: Case, scenes: Objects, poses: gp.PoseBatch) -> dict[str, Array]:
-    """Per object, as 0 or 1: whether it is refused, wrong and silent, by its heading and by its rotation."""
+def judged(case: Case, scenes: Objects, poses: gp.PoseBatch) -> dict[str, Mask]:
+    """Per object: whether it is refused, wrong and silent, by its yaw and by its rotation."""
     error = rotation_vectors(scenes.R, poses.R)
     covariance = np.where(poses.ok[:, None, None], poses.covariance[:, :3, :3], np.eye(3))
     sigmas2 = np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0])
     surely = (sigmas2 > MOST_SIGMAS**2) & (poses.ambiguity < MOST_AMBIGUITY)
-    cosine = np.clip(np.sum(scenes.R[:, :, 2] * poses.R[:, :, 2], axis=1), -1.0, 1.0)
-    off = {"heading": np.arccos(cosine), "rotation": np.linalg.norm(error, axis=1)}
-    found: dict[str, Array] = {"refused": ~poses.ok}
+    off = {"yaw": yaw_error(scenes.R, poses.R), "rotation": np.degrees(np.linalg.norm(error, axis=1))}
+    found: dict[str, Mask] = {"refused": ~poses.ok}
     for name, angle in off.items():
-        wrong = poses.ok & ((np.degrees(angle) > GROSS_DEG) | (not case.has_truth))
+        wrong = poses.ok & ((angle > GROSS_DEG) | (not case.has_truth))
         found[f"wrong, {name}"] = wrong
         found[f"silent, {name}"] = wrong & (surely | (not case.has_truth))
     return found
@@ -85,7 +99,7 @@ def line(case: Case, method: Own, trials: int, seed: int) -> dict[str, Any]:
     """Percentages of one case."""
     groups = [(scenes, method.poses(scenes)) for scenes in case.scenes(trials, seed)]
     parts = [judged(case, scenes, poses) for scenes, poses in groups]
-    names = ("silent, heading", "silent, rotation", "wrong, heading", "wrong, rotation", "refused")
+    names = ("silent, yaw", "silent, rotation", "wrong, yaw", "wrong, rotation", "refused")
     percent = {f"{name}, %": 100.0 * float(np.concatenate([p[name] for p in parts]).mean()) for name in names}
     return {"id": case.id, "case": case.what, "method": method.name, **percent}
 
@@ -101,3 +115,39 @@ def measure(trials: int, seed: int, tell: Callable[[str], None]) -> dict[str, An
         "versions": report.versions(),
         "lines": lines,
     }
+
+
+def rows(found: dict[str, Any], before: dict[str, Any]) -> list[dict[str, Any]]:
+    """The table: per case what is wrong and silent now, and what was."""
+    by_case = {(one["id"], one["method"]): one for one in found["lines"]}
+    former = {one["id"]: one for one in before.get("lines", ())}
+    table = []
+    for case in CASES:
+        now, held = (by_case[case.id, method.name] for method in (own.DEFAULT, HELD))
+        limit = LIMITS.get(case.id)
+        table.append(
+            {
+                "case": case.what,
+                "silent by yaw, %": now[_YAW],
+                "target": None if limit is None else f"at most {limit:g}",
+                "met": None if limit is None else now[_YAW] <= limit,
+                "before": former.get(case.id, {}).get(_YAW),
+                "silent by rotation": now[_ROTATION],
+                "before ": former.get(case.id, {}).get(_ROTATION),
+                "held to the ground": held[_ROTATION],
+                "wrong, %": now["wrong, yaw, %"],
+                "refused, %": now["refused, %"],
+                "refused before": former.get(case.id, {}).get("refused, %"),
+            }
+        )
+    return table
+
+
+def write_stored(root: Path) -> Path | None:
+    """The page from the stored results; None when there are none."""
+    found = report.read_json(root / JSON)
+    if not found:
+        return None
+    lines = report.table(rows(found, report.read_json(root / BEFORE)))
+    (root / PAGE).write_text("\n\n".join([INTRO, f"`{found['command']}`", lines, NOTE]) + "\n", encoding="utf-8")
+    return root / PAGE
