@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from groundpose import _core
 from groundpose._checks import FloatArray, input_error, integer, number, type_error
+from groundpose.remarks import tilt_remarks
 from groundpose.shape import ShapeModel
 from groundpose.types import View
 
@@ -200,6 +201,14 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
             covariance=self.alternative_covariance,
             probability=self.alternative_probability,
         )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What looks wrong in the input, a sentence each, judged from all objects together; empty when nothing
+        does: "the vehicles disagree with the nominal pitch by 20 deg". Computed when it is asked for."""
+        if np.isfinite(self.tilt_covariance).all():  # the tilt is that of the objects
+            return ()
+        return tilt_remarks(self.view, self.R[self.ok], self.covariance[self.ok])
 
     def region(self, level: float = 0.95, dimensions: int = 6) -> float:
         """Squared Mahalanobis distance within which the truth lies with the probability `level`.

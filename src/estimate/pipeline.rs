@@ -23,12 +23,15 @@ pub(crate) fn estimate(object: &Object, memory: &mut Memory) -> Result<Estimate,
         let noise_sigma = first.as_ref().map(|first| first.refined.compared_by);
         answer(object, &attempt, noise_sigma, memory)
     });
-    let best = better(first, second);
-    let Some((attempt, options)) = attempt.last(object, best.as_ref()) else {
+    let best = if second.is_none() { first } else { better(first, second) };
+    match attempt.last(object, best.as_ref()) {
         // What is said of it: residuals, score, covariances, ambiguity.
-        return describe(object, &best.ok_or(NoPose::NoHypothesis)?, memory);
-    };
-    without_ground(&Object { options: &options, ..*object }, object, &attempt, best, memory)
+        None => describe(object, best.as_ref().ok_or(NoPose::NoHypothesis)?, memory),
+        // Where neither the keypoints nor the box convince, without the ground.
+        Some((attempt, options)) => {
+            without_ground(&Object { options: &options, ..*object }, object, &attempt, best.as_ref(), memory)
+        }
+    }
 }
 
 /// The pose of one attempt.
@@ -48,14 +51,14 @@ fn without_ground(
     free: &Object,
     on_ground: &Object,
     attempt: &Attempt,
-    found: Option<Verified>,
+    found: Option<&Verified>,
     memory: &mut Memory,
 ) -> Result<Estimate, NoPose> {
-    let noise_sigma = found.as_ref().map(|found| found.refined.compared_by);
+    let noise_sigma = found.map(|found| found.refined.compared_by);
     let last = answer(free, attempt, noise_sigma, memory);
     match (last, found) {
         (Some(last), None) => describe(free, &last, memory),
-        (Some(last), Some(found)) if last.convinces_more_than(&found) => describe(free, &last.over(&found), memory),
-        (_, found) => describe(on_ground, &found.ok_or(NoPose::NoHypothesis)?, memory),
+        (Some(last), Some(found)) if last.convinces_more_than(found) => describe(free, &last.over(found), memory),
+        (_, found) => describe(on_ground, found.ok_or(NoPose::NoHypothesis)?, memory),
     }
 }
