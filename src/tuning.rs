@@ -143,8 +143,9 @@ pub(crate) const SCORE_LIMITS: [f64; 2] = [0.001, 0.999];
 pub(crate) const AMBIGUITY_LIMITS: [f64; 2] = [0.001, 0.999];
 pub(crate) const FALSE_ALARM_LIMITS: [f64; 2] = [-40.0, 10.0];
 pub(crate) const VEHICLE_LOGIT_LIMIT: f64 = 7.0;
-/// For keypoints of the caller: bias, score level, misfit, noise, false alarms, vehicle, ambiguity.
-pub(crate) const CALLERS_PROBABILITY: [f64; 7] = [2.45, 1.10, -0.32, -1.49, 0.0, 0.0, 0.0];
+/// For keypoints of the caller: bias, score level, misfit, noise, false alarms, vehicle, ambiguity. Fitted on synthetic
+/// vehicles whose keypoints have every quality (`python -m groundpose.lab.evaluate.honesty.callers`).
+pub(crate) const CALLERS_PROBABILITY: [f64; 7] = [0.76, 0.47, 0.0, -0.57, -3.76, 0.0, -0.20];
 /// Least probability of an answer to keypoints of the caller.
 pub(crate) const MIN_PROBABILITY: f64 = 0.0;
 /// Probability from which another reading is told.
