@@ -293,6 +293,7 @@ def found_numbers():
     names = (*sources.RENDERS, sources.ALL_RENDERS, sources.MANY_LOOKS)
     return {
         "command": "made up",
+        "callers_probability": {"synthetic": vehicles["probability"] | {"objects": 400, "right": 90.0}},
         "callers": {"synthetic": covered(answers.only(answers.right).stated(9.0), 6.0)},
         "trained": {
             "default": {
