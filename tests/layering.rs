@@ -41,6 +41,7 @@ const ROOMS: [(&str, &[&str]); 11] = [
             "attempt",
             "search",
             "refine",
+            "looks",
             "verify",
             "alternative",
             "describe",

@@ -1,10 +1,8 @@
 //! How an object is searched: with the solver that its box allows; where that is not sure, once more without the box, and
 //! where what was found does not convince, at last without the ground.
 
-use crate::estimate::looks::Looks;
 use crate::estimate::object::Object;
 use crate::estimate::options::{Options, Solver};
-use crate::estimate::verify::Verified;
 use crate::geometry::bbox::Bbox;
 use crate::geometry::math::{sqrt, square};
 use crate::geometry::pose::Pose;
@@ -81,12 +79,10 @@ impl Attempt {
     /// By three keypoints without the ground, of which the nominal tilt may be wrong, or on which the object may not
     /// stand: where the solver and the ground's say are ours to choose, and what was found (false alarms, misfit of the
     /// box) does not convince. With the options that forget the ground.
-    pub(crate) fn last(&self, object: &Object, found: Option<&Verified>) -> Option<(Self, Options)> {
+    pub(crate) fn last(&self, object: &Object, found: Option<[f64; 2]>) -> Option<(Self, Options)> {
         let options = object.options;
         let is_ours = options.solver == Solver::Auto && options.tilt_sigma.is_none() && self.plan.doubtful.is_some();
-        let convinces = |found: &Verified| {
-            found.log10_nfa <= UNCONVINCING && found.looks.misfit.is_none_or(|misfit| misfit <= MISFIT_UNCONVINCING)
-        };
+        let convinces = |[log10_nfa, misfit]: [f64; 2]| log10_nfa <= UNCONVINCING && misfit <= MISFIT_UNCONVINCING;
         if !is_ours || found.is_some_and(convinces) {
             return None;
         }
@@ -97,9 +93,9 @@ impl Attempt {
     }
 
     /// Whether a pose is where this attempt may find one (the refinement may have moved it), and looks as it must.
-    pub(crate) fn allows(&self, pose: &Pose, looks: &Looks) -> bool {
+    pub(crate) fn allows(&self, pose: &Pose, misfit: f64) -> bool {
         self.farthest.is_none_or(|farthest| pose.t.z <= farthest)
-            && self.worst_misfit.is_none_or(|worst| looks.misfit.is_none_or(|misfit| misfit <= worst))
+            && self.worst_misfit.is_none_or(|worst| misfit <= worst)
     }
 }
 

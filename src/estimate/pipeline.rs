@@ -24,7 +24,7 @@ pub(crate) fn estimate(object: &Object, memory: &mut Memory) -> Result<Estimate,
         answer(object, &attempt, noise_sigma, memory)
     });
     let best = if second.is_none() { first } else { better(first, second) };
-    match attempt.last(object, best.as_ref()) {
+    match attempt.last(object, best.as_ref().map(Verified::doubts)) {
         // What is said of it: residuals, score, covariances, ambiguity.
         None => describe(object, best.as_ref().ok_or(NoPose::NoHypothesis)?, memory),
         // Where neither the keypoints nor the box convince, without the ground.

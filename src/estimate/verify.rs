@@ -26,6 +26,11 @@ pub(crate) struct Verified {
 }
 
 impl Verified {
+    /// What may not convince: log10 of false alarms, misfit of the box.
+    pub(crate) fn doubts(&self) -> [f64; 2] {
+        [self.log10_nfa, self.looks.misfit.unwrap_or(0.0)]
+    }
+
     /// Whether keypoints and box speak more for it, a pose without the ground, than for one on the ground, and the
     /// keypoints alone at least as much.
     pub(crate) fn convinces_more_than(&self, on_ground: &Self) -> bool {
@@ -51,7 +56,7 @@ pub(crate) fn verify(
     memory: &mut Memory,
 ) -> Option<Verified> {
     let looks = Looks::of(object, &refined.state);
-    if !attempt.allows(&refined.state.pose, &looks) {
+    if !attempt.allows(&refined.state.pose, looks.misfit.unwrap_or(0.0)) {
         return None;
     }
     let &Hypotheses { solver, ransac, .. } = hypotheses;
