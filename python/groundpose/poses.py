@@ -204,8 +204,8 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What looks wrong in the input, a sentence each, judged from all objects together; empty when nothing
-        does: "the vehicles disagree with the nominal pitch by 20 deg". Computed when it is asked for."""
+        """What looks wrong in the input, a sentence each, judged from all objects; empty when nothing does:
+        "the vehicles disagree with the nominal pitch by 20 deg". Computed when it is asked for."""
         if np.isfinite(self.tilt_covariance).all():  # the tilt is that of the objects
             return ()
         return tilt_remarks(self.view, self.R[self.ok], self.covariance[self.ok])

@@ -24,8 +24,8 @@ MOST_SIGMAS = 4.0
 def tilt_remarks(view: View, R: FloatArray, covariance: FloatArray) -> tuple[str, ...]:
     """Whether objects that should stand on the ground disagree with the nominal tilt.
 
-    The lean of every object is known with the standard deviations of its covariance, and objects themselves lean
-    by 1.5 degrees. Most must lean the same way, by more than chance.
+    The lean of every object is known with the standard deviations of its covariance, and objects themselves
+    lean by 1.5 degrees. Most must lean the same way, by more than chance.
 
     Args:
         view: with the nominal tilt.
@@ -64,7 +64,9 @@ def _sentences(view: View, down: FloatArray) -> tuple[str, ...]:
         return ("the vehicles stand upside down: the image may be turned by half a turn",)
     seen = View.from_gravity(view.camera, down)
     angles = {"pitch": seen.pitch - view.pitch, "roll": seen.roll - view.roll}
-    degrees = {name: abs(np.degrees((angle + np.pi) % (2.0 * np.pi) - np.pi)) for name, angle in angles.items()}
+    degrees = {
+        name: abs(np.degrees((angle + np.pi) % (2.0 * np.pi) - np.pi)) for name, angle in angles.items()
+    }
     most = max(degrees.values())
     return tuple(
         f"the vehicles disagree with the nominal {name} by {angle:.0f} deg"

@@ -24,7 +24,7 @@ def test_nothing_is_said_of_vehicles_on_the_ground() -> None:
     assert said == [()] * 20
 
 
-@pytest.mark.parametrize("degrees", (15.0, 20.0, 30.0))
+@pytest.mark.parametrize("degrees", [15.0, 20.0, 30.0])
 def test_a_wrong_pitch_is_said(degrees: float) -> None:
     for scenes in pitched(degrees)(80, 1):
         (remark,) = poses_of(scenes).remarks

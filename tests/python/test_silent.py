@@ -1,4 +1,4 @@
-"""Scenes with one mistake each, answers that are wrong and sure of it, and the probability for callers' keypoints."""
+"""Scenes with one mistake each, answers that are wrong and sure of it, probabilities for callers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TOLD_THE_TRUTH = [case for case in CASES if case.has_truth]
 
 @pytest.mark.parametrize("case", TOLD_THE_TRUTH, ids=lambda case: case.id)
 def test_keypoints_are_where_the_truth_puts_them(case: Case) -> None:
-    """All of the inliers are within a few standard deviations of their noise, none of the scenes is another one."""
+    """All inliers are within a few standard deviations of their noise."""
     for scenes in case.scenes(40, 0):
         pixels = scenes.camera.project(
             scenes.keypoints_3d @ np.swapaxes(scenes.R, 1, 2) + scenes.t[:, None, :]
@@ -34,7 +34,9 @@ def test_keypoints_are_where_the_truth_puts_them(case: Case) -> None:
         error = np.linalg.norm(pixels - scenes.keypoints_2d, axis=2) / longer[:, None]
         assert scenes.inlier_truth is not None
         good = scenes.inlier_truth & ~np.isnan(scenes.keypoints_2d[..., 0])
-        assert good.any() and error[good].max() < 0.15 and np.median(error[good]) < 0.04
+        assert good.any()
+        assert error[good].max() < 0.15
+        assert np.median(error[good]) < 0.04
         assert (scenes.bboxes[:, 2:] > scenes.bboxes[:, :2]).all()
 
 
@@ -74,7 +76,7 @@ def test_rotation_vectors_up_to_half_a_turn() -> None:
     assert np.isnan(silent.rotation_vectors(R[:1], np.full((1, 3, 3), np.nan))).all()
 
 
-@pytest.mark.parametrize("id, most", ({**silent.LIMITS, "pitch-30": 1.0, "lean-30": 1.0}).items())
+@pytest.mark.parametrize(("id", "most"), ({**silent.LIMITS, "pitch-30": 1.0, "lean-30": 1.0}).items())
 def test_few_answers_are_wrong_and_sure_of_it(id: str, most: float) -> None:
     """400 scenes: within two standard deviations of the limit."""
     found = silent.line(IDS[id], own.DEFAULT, 400, 7)
@@ -110,7 +112,8 @@ def test_collapsed_keypoints_and_small_poses_are_refused() -> None:
     assert statuses["shrunk"] == statuses["tiny"] == {"degenerate"}
     (third,) = misled.shrunk(0.3)(50, 0)
     refused = own.DEFAULT.poses(third)
-    assert not refused.ok.any() and "improbable" in refused.status
+    assert not refused.ok.any()
+    assert "improbable" in refused.status
     assert Own("", options={"min_probability": 0.0}).poses(third).ok.any()
 
 
@@ -126,7 +129,8 @@ def test_the_command_writes_numbers_and_the_table_has_every_case(tmp_path: Path)
     (tmp_path / "docs").mkdir()
     (tmp_path / silent.JSON).write_text(out.read_text(encoding="utf-8"), encoding="utf-8")
     page = silent.write_stored(tmp_path)
-    assert page is not None and "image upside down" in page.read_text(encoding="utf-8")
+    assert page is not None
+    assert "image upside down" in page.read_text(encoding="utf-8")
 
 
 def test_the_page_is_that_of_the_stored_numbers(tmp_path: Path) -> None:
@@ -135,7 +139,8 @@ def test_the_page_is_that_of_the_stored_numbers(tmp_path: Path) -> None:
         (tmp_path / stored).write_bytes((ROOT / stored).read_bytes())
     (tmp_path / "docs").mkdir()
     page = silent.write_stored(tmp_path)
-    assert page is not None and page.read_bytes() == (ROOT / silent.PAGE).read_bytes()
+    assert page is not None
+    assert page.read_bytes() == (ROOT / silent.PAGE).read_bytes()
 
 
 def test_the_solver_states_the_fitted_probabilities() -> None:
@@ -147,7 +152,11 @@ def test_the_solver_states_the_fitted_probabilities() -> None:
         scenes.keypoints_2d,
         scenes.bboxes,
         scenes.models,
-        np.where(np.isnan(scenes.keypoints_2d[..., 0]), np.nan, rng.uniform(0.3, 1.0, scenes.keypoints_2d.shape[:2])),
+        np.where(
+            np.isnan(scenes.keypoints_2d[..., 0]),
+            np.nan,
+            rng.uniform(0.3, 1.0, scenes.keypoints_2d.shape[:2]),
+        ),
     )
     for name, poses in (("without scores", callers.NEVER_REFUSES.poses(scenes)), ("with scores", scored)):
         bias, *coefficients = fits[name]["coefficients"]
@@ -174,10 +183,12 @@ def test_a_fit_tells_right_answers_from_wrong_ones() -> None:
     some = tuple(case for case in WITHOUT_SCORES if case.id in ("v1", "class", "outliers", "four", "no box"))
     parts = callers.answers(some, 150, 300)
     coefficients = callers.fit(parts)
-    assert len(coefficients) == 7 and coefficients[5] == 0.0
+    assert len(coefficients) == 7
+    assert coefficients[5] == 0.0
     whole = callers._joined(parts)
     auc = callers.auc(callers.stated(whole, coefficients)[whole.ok], whole.right[whole.ok])
-    assert auc is not None and auc > 0.85
+    assert auc is not None
+    assert auc > 0.85
 
 
 def test_parts_of_the_mixture_have_names_of_their_own() -> None:
@@ -186,11 +197,15 @@ def test_parts_of_the_mixture_have_names_of_their_own() -> None:
     nothing = next(case for case in WITH_SCORES if case.id == "nothing there, V1")
     (scenes,) = nothing.scenes(10, 0)
     poses = own.DEFAULT.poses(scenes)
-    assert not poses.ok.any() and set(poses.status) <= {"improbable", "no_consensus"}
+    assert not poses.ok.any()
+    assert set(poses.status) <= {"improbable", "no_consensus"}
 
 
-@pytest.mark.parametrize("id", ("no box", "sides not known", "detected box", "half hidden", "E1, 50% outliers"))
+@pytest.mark.parametrize(
+    "id", ["no box", "sides not known", "detected box", "half hidden", "E1, 50% outliers"]
+)
 def test_mixture_without_a_drive(id: str) -> None:
     case = next(case for case in WITHOUT_SCORES if case.id == id)
     judged = callers.Judged.of(case.scenes(40, 1))
-    assert judged.right.mean() > 0.9 and (judged.probability[judged.right] > 0.1).mean() > 0.9
+    assert judged.right.mean() > 0.9
+    assert (judged.probability[judged.right] > 0.1).mean() > 0.9

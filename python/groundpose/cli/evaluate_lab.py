@@ -1,4 +1,4 @@
-"""`groundpose evaluate targets | real | networks | honesty | silent | shapes | detector | pages`: what docs/ shows."""
+"""`groundpose evaluate targets | real | networks | honesty | silent | shapes | detector | pages`."""
 
 from __future__ import annotations
 
@@ -126,11 +126,12 @@ def silent(
 
       groundpose evaluate silent --trials 300 -o /tmp/silent.json
     """
+    from groundpose.lab.evaluate import report
     from groundpose.lab.evaluate import silent as lab
 
     with mistakes():
         path = out or lab.JSON
-        lab.report.write_json(path, lab.measure(trials, seed, typer.echo))
+        report.write_json(path, lab.measure(trials, seed, typer.echo))
         typer.echo(f"Numbers: {path.resolve()}")
         if out is None:
             typer.echo(f"Page: {lab.write_stored(Path())}")
@@ -167,7 +168,11 @@ def pages() -> None:
         root = Path()
         written = [report.write_page(root), real_page.write_page(root), performance.write_page(root)]
         written += [network_page.write_stored(root), simulated.write_stored(root)]
-        written += [experiments.write_stored(root), honesty_page.write_stored(root), silent.write_stored(root)]
+        written += [
+            experiments.write_stored(root),
+            honesty_page.write_stored(root),
+            silent.write_stored(root),
+        ]
         for path in filter(None, written):
             typer.echo(f"Page: {path.resolve()}")
 

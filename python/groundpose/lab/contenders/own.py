@@ -100,7 +100,9 @@ UP2P = Own("ours, UP2P search", "solver up2p", {"solver": "up2p"})
 P3P = Own("ours, P3P search", "solver p3p", {"solver": "p3p"})
 _NEVER = {"max_log10_nfa": math.inf, "min_probability": 0.0}
 NEVER_REFUSES = Own("ours, never refusing", "max_log10_nfa inf, min_probability 0", _NEVER)
-UP2P_NEVER_REFUSES = Own("ours, UP2P, never refusing", "the same with solver up2p", {"solver": "up2p", **_NEVER})
+UP2P_NEVER_REFUSES = Own(
+    "ours, UP2P, never refusing", "the same with solver up2p", {"solver": "up2p", **_NEVER}
+)
 HRE = Own(
     "P1P search + HRE",
     "all corner pairs, truncated squared error",

@@ -1,4 +1,4 @@
-"""Synthetic vehicles of which the caller says something wrong, or of which the keypoints do: V1 with one mistake."""
+"""Synthetic vehicles of which the caller, or the detector, says something wrong: V1 with one mistake each."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def observed(
 ) -> Objects:
     """The scenes with keypoints and boxes as V1 draws them, of their R, t and `rigid` as they are now.
 
-    `bbox_3d`: (2, 3) metres or (N, 2, 3). `outliers`: least and largest fraction; each keypoint is one with that
-    probability. `most`: of so many keypoints alone, chosen at random.
+    `bbox_3d`: (2, 3) metres or (N, 2, 3). `outliers`: least and largest fraction; each keypoint is one with
+    that probability. `most`: of so many keypoints alone, chosen at random.
     """
     count, width = scenes.keypoints_2d.shape[:2]
     points = scenes.keypoints_3d
@@ -162,7 +162,9 @@ def of_another_class(true: str, given: str) -> Callable[[int, int], list[Objects
     return scenes
 
 
-def with_outliers(least: float, largest: float, most: int | None = None) -> Callable[[int, int], list[Objects]]:
+def with_outliers(
+    least: float, largest: float, most: int | None = None
+) -> Callable[[int, int], list[Objects]]:
     """Other fractions of wrong keypoints; `most`: of so many keypoints in all."""
 
     def scenes(trials: int, seed: int) -> list[Objects]:

@@ -1,8 +1,8 @@
 """Wrong and sure of it: how often the solver is silent about a mistake, its own or that of the caller.
 
-An answer is silent about being wrong when its status is "ok", it is off by more than 15 degrees and by more than
-five standard deviations of its own covariance, and its ambiguity is below 0.1. Writes results/silent.json and, from
-it, docs/silent.md. Numbers depend on trials and seed only.
+An answer is silent about being wrong when its status is "ok", it is off by more than 15 degrees and by more
+than five standard deviations of its own covariance, and its ambiguity is below 0.1. Writes
+results/silent.json and, from it, docs/silent.md. Numbers depend on trials and seed only.
 """
 
 from __future__ import annotations
@@ -34,26 +34,28 @@ LIMITS = {
     **{"pitch-20": 0.5, "lean-15": 0.5, "upside-down": 2.0, "class": 5.0},
     **dict.fromkeys(("collapsed", "shrunk", "tiny"), 0.0),
 }
-"""Most silent answers of a case, %, by their yaw; where the keypoints are in one place there is to be none."""
+"""Most silent answers of a case, %, by their yaw; none where the keypoints are in one place."""
 _YAW, _ROTATION = "silent, yaw, %", "silent, rotation, %"
 NOTE = (
-    "*Before*: the solver without the last search, the check of collapsed keypoints and the least probability, on the same scenes."
+    "*Before*: the solver without the last search, the check of collapsed keypoints and the least "
+    "probability, on the same scenes."
 )
 INTRO = """# Wrong, and sure of it
 
-How often the solver is silent about a mistake, its own or that of whoever calls it: vehicles of the synthetic protocol
-V1 with one mistake each, keypoints of the caller, no network.
+How often the solver is silent about a mistake, its own or that of whoever calls it: vehicles of the
+synthetic protocol V1 with one mistake each, keypoints of the caller, no network.
 
-**Silent**: status `ok`, wrong by more than 15 deg, by more than five standard deviations of the stated covariance of
-the rotation, and `ambiguity` below 0.1. *Yaw* counts the error about the object's up axis, *rotation* that of the whole
-rotation: a pose that is upright on a ground told wrongly by 20 deg has a right yaw and a rotation that is wrong by
-20 deg. Where the keypoints say nothing of the object, every answer is wrong and silent.
+**Silent**: status `ok`, wrong by more than 15 deg, by more than five standard deviations of the stated
+covariance of the rotation, and `ambiguity` below 0.1. *Yaw* counts the error about the object's up axis,
+*rotation* that of the whole rotation: a pose that is upright on a ground told wrongly by 20 deg has a right
+yaw and a rotation that is wrong by 20 deg. Where the keypoints say nothing of the object, every answer is
+wrong and silent.
 
-Against silence there are three things. Where neither the keypoints nor the box convince, a last search does without the
-ground (`solver` is then `p3p`). Keypoints in one place of the box are `degenerate`, and a pose that looks far smaller
-than the box is `improbable`. So is an answer whose probability, fitted on a mixture of such objects and good ones, is
-below `min_probability` ([How sure an answer is](honesty.md)). Who gives `tilt_sigma` means it: then there is no last
-search (*held to the ground*)."""
+Against silence there are three things. Where neither the keypoints nor the box convince, a last search does
+without the ground (`solver` is then `p3p`). Keypoints in one place of the box are `degenerate`, and a pose
+that looks far smaller than the box is `improbable`. So is an answer whose probability, fitted on a mixture
+of such objects and good ones, is below `min_probability` ([How sure an answer is](honesty.md)). Who gives
+`tilt_sigma` means it: then there is no last search (*held to the ground*)."""
 
 
 def rotation_vectors(R_true: Array, R: Array) -> Array:
@@ -70,7 +72,11 @@ def rotation_vectors(R_true: Array, R: Array) -> Array:
     length = np.linalg.norm(sine, axis=1)
     angle = np.arctan2(length, 0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0))
     # nearly half a turn: the axis is the column of R + I that is longest
-    symmetric = turned + np.swapaxes(turned, 1, 2) + (1.0 - np.trace(turned, axis1=1, axis2=2))[:, None, None] * np.eye(3)
+    symmetric = (
+        turned
+        + np.swapaxes(turned, 1, 2)
+        + (1.0 - np.trace(turned, axis1=1, axis2=2))[:, None, None] * np.eye(3)
+    )
     column = np.argmax(np.abs(np.diagonal(symmetric, axis1=1, axis2=2)), axis=1)
     axis = symmetric[np.arange(len(R)), :, column]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -149,5 +155,7 @@ def write_stored(root: Path) -> Path | None:
     if not found:
         return None
     lines = report.table(rows(found, report.read_json(root / BEFORE)))
-    (root / PAGE).write_text("\n\n".join([INTRO, f"`{found['command']}`", lines, NOTE]) + "\n", encoding="utf-8")
+    (root / PAGE).write_text(
+        "\n\n".join([INTRO, f"`{found['command']}`", lines, NOTE]) + "\n", encoding="utf-8"
+    )
     return root / PAGE

@@ -1,8 +1,8 @@
 """Keypoints of the caller: how probable it is that an answer to them is right.
 
-`python -m groundpose.lab.evaluate.honesty.callers` fits the coefficients that stand in `tuning.rs`, for keypoints with
-scores and without, and writes them with what they are worth to results/callers.json. Seeds of fit and test are apart;
-real keypoints are a test alone.
+`python -m groundpose.lab.evaluate.honesty.callers` fits the coefficients that stand in `tuning.rs`, for
+keypoints with scores and without, and writes them with what they are worth to results/callers.json. Seeds
+of fit and test are apart; real keypoints are a test alone.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ def fit(parts: dict[str, Judged]) -> list[float]:
 def stated(judged: Judged, coefficients: list[float]) -> FloatArray:
     """(N,) probabilities by other coefficients; NaN without an answer."""
     logit = coefficients[0] + judged.evidence @ np.array(coefficients[1:])
-    return 0.5 * (1.0 + np.tanh(0.5 * logit))
+    return np.asarray(0.5 * (1.0 + np.tanh(0.5 * logit)))
 
 
 def kept(judged: Judged, probability: FloatArray, least: float) -> dict[str, Any]:
-    """Percentages of all objects: right and wrong answers, and what is left of them above a least probability."""
+    """Percentages of all objects: right and wrong answers, and those above a least probability."""
     above = judged.ok & (probability >= least)
     wrong = judged.ok & ~judged.right
     percent = {

@@ -1,7 +1,8 @@
 """Objects of every quality, with keypoints of the caller: what `callers` fits and tests probabilities on.
 
-Nobody knows which keypoints a caller has. So there is a part of everything: exact boxes, boxes of a detector, of the
-visible part alone, and none; few and many wrong keypoints; the mistakes of `misled`; models of another class.
+Nobody knows which keypoints a caller has. So there is a part of everything: exact boxes, boxes of a
+detector, of the visible part alone, and none; few and many wrong keypoints; the mistakes of `misled`;
+models of another class.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def _without_scores(scenes: Scenes) -> Scenes:
 
 
 def _nothing(scenes: Scenes) -> Scenes:
-    """Keypoints of a vehicle that is not there: in place, but with the scores of a detector that found nothing."""
+    """Keypoints of a vehicle that is not there: in place, with scores of a detector that found nothing."""
 
     def without(objects: Objects, seed: int) -> Objects:
         rng = np.random.default_rng([seed, 8])
@@ -110,7 +111,7 @@ _DETECTORS = {
     for setting in SETTINGS
     for experiment in ("G1", "G2")
 }
-"""The simulated detectors with true and with detected boxes; known models (G1) and those of the class (G2)."""
+"""Simulated detectors with true and with detected boxes; known models (G1), those of the class (G2)."""
 _SAYS_NOTHING = {"collapsed", "shrunk", "tiny"}
 """Cases of `misled` that get no probability: they are refused for their looks."""
 
