@@ -99,6 +99,10 @@ pub use error::{EstimateError, Got, InputError, NoPose};
 pub use estimate::batch::OBJECTS_PER_TASK;
 pub use estimate::describe::Estimate;
 pub use estimate::estimator::Estimator;
+pub use estimate::frame::{ClassScale, Frame, solve_frame};
+pub use estimate::frame_answer::FrameAnswer;
+pub use estimate::frame_object::FrameObject;
+pub use estimate::frame_priors::{FramePriors, MAX_CLASSES, ScalePrior};
 pub use estimate::frame_tilt::{FrameTilt, UpAxis, frame_tilt};
 pub use estimate::options::{Options, Solver};
 #[cfg(feature = "std")]
