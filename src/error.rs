@@ -89,12 +89,14 @@ pub enum NoPose {
     NoConsensus = 4,
     /// The object's own numbers are not usable (only batches report this; alone it is an [`InputError`]).
     InvalidInput = 5,
+    /// The best pose is less probable to be right than the options ask, or its box is far smaller than the given one.
+    Improbable = 6,
 }
 
 impl NoPose {
     /// Every reason with its name; a status of 0 is `"ok"`.
-    pub const NAMES: [&'static str; 6] =
-        ["ok", "too_few_keypoints", "degenerate", "no_hypothesis", "no_consensus", "invalid_input"];
+    pub const NAMES: [&'static str; 7] =
+        ["ok", "too_few_keypoints", "degenerate", "no_hypothesis", "no_consensus", "invalid_input", "improbable"];
 
     /// The name used in Python and in files.
     #[must_use]

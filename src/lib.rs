@@ -95,6 +95,7 @@ mod tests;
 mod tuning;
 
 pub use error::{EstimateError, Got, InputError, NoPose};
+pub use estimate::alternative::Alternative;
 #[cfg(feature = "rayon")]
 pub use estimate::batch::OBJECTS_PER_TASK;
 pub use estimate::describe::Estimate;
@@ -105,6 +106,7 @@ pub use estimate::frame_object::FrameObject;
 pub use estimate::frame_priors::{FramePriors, MAX_CLASSES, ScalePrior};
 pub use estimate::frame_tilt::{FrameTilt, UpAxis, frame_tilt};
 pub use estimate::options::{Options, Solver};
+pub use estimate::probability::{EVIDENCE, Evidence};
 #[cfg(feature = "std")]
 pub use estimate::workspace::GrowingWorkspace;
 pub use estimate::workspace::{Buffers, FixedWorkspace, Workspace};
@@ -114,10 +116,11 @@ pub use geometry::footprint::{Footprint, MAX_CORNERS};
 pub use geometry::lens::Lens;
 pub use geometry::pose::Pose;
 pub use geometry::view::{Tilt, View};
-pub use model::observation::Observation;
+pub use model::observation::{Observation, VIEWING_ANGLES};
 pub use model::shape_model::{MAX_MODES, ShapeModel};
 pub use refine::covariance::{PoseCovariance, ShapeCovariance};
 pub use refine::kernels::Kernel;
+pub use refine::region::region_radius2;
 pub use refine::schedule::{MAX_STAGES, Refinement, StageStatistics};
 pub use search::ransac::{RansacStatistics, StopReason};
 pub use search::score::Scoring;

@@ -130,6 +130,26 @@ pub(crate) const BELIEF_IN_SCORES: f64 = 0.9;
 /// An answer has at most ten false alarms (log10). Chosen by hand.
 pub(crate) const MAX_LOG10_NFA: f64 = 1.0;
 
+// The probability that an answer is right. What a number is measured against only moves the bias; limits keep one number
+// from deciding alone. Chosen by hand.
+
+/// Misfit of the box and noise of the keypoints of a good answer, as fractions of the longer side.
+pub(crate) const TYPICAL_MISFIT: f64 = 0.02;
+pub(crate) const TYPICAL_NOISE: f64 = 0.01;
+/// Sides that agree better than this say no more.
+pub(crate) const LEAST_MISFIT: f64 = 0.002;
+/// Limits of mean score, ambiguity, log10 of false alarms, logit of a vehicle.
+pub(crate) const SCORE_LIMITS: [f64; 2] = [0.001, 0.999];
+pub(crate) const AMBIGUITY_LIMITS: [f64; 2] = [0.001, 0.999];
+pub(crate) const FALSE_ALARM_LIMITS: [f64; 2] = [-40.0, 10.0];
+pub(crate) const VEHICLE_LOGIT_LIMIT: f64 = 7.0;
+/// For keypoints of the caller: bias, score level, misfit, noise, false alarms, vehicle, ambiguity.
+pub(crate) const CALLERS_PROBABILITY: [f64; 7] = [2.45, 1.10, -0.32, -1.49, 0.0, 0.0, 0.0];
+/// Least probability of an answer to keypoints of the caller.
+pub(crate) const MIN_PROBABILITY: f64 = 0.0;
+/// Probability from which another reading is told.
+pub(crate) const LEAST_ALTERNATIVE: f64 = 0.02;
+
 // The second try.
 
 /// A pose with more false alarms than this (log10) is doubtful: where the solver is ours to choose, the search is done

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from groundpose._core import InputError, build_info
 from groundpose.estimate import estimate_poses
 from groundpose.options import Options
-from groundpose.poses import Pose, PoseBatch
+from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
 from groundpose.types import Camera, View
 
@@ -34,6 +34,7 @@ _LAZY = {
 }
 
 __all__ = [
+    "Alternatives",
     "Camera",
     "InputError",
     "Network",
@@ -47,6 +48,7 @@ __all__ = [
     "__version__",
     "build_info",
     "estimate_poses",
+    "region_radius2",
 ]
 
 

@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "EVIDENCE",
     "LENSES",
     "SOLVERS",
     "STATUS",
     "STOP_REASONS",
+    "VIEWING_ANGLES",
     "Camera",
     "InputError",
     "Model",
@@ -18,6 +20,7 @@ __all__ = [
     "build_info",
     "default_options",
     "estimate_batch",
+    "region_radius2",
     "solve_p1p",
     "solve_p1p_height",
     "solve_p3p",
@@ -30,6 +33,8 @@ _Floats = NDArray[np.float64]
 STATUS: list[str]
 STOP_REASONS: list[str]
 SOLVERS: list[str]
+EVIDENCE: int
+VIEWING_ANGLES: int
 LENSES: list[str]
 
 class InputError(ValueError):
@@ -113,7 +118,10 @@ def estimate_batch(
     options: Options,
     threads: int,
     frame_tilt_sigma: float | None = None,
+    vehicle_probability: _Floats | None = None,
+    viewing_angle_probabilities: _Floats | None = None,
 ) -> dict[str, Any]: ...
+def region_radius2(level: float, dimensions: int, dof: float) -> float: ...
 def solve_p1p(
     view: View,
     model: Model,

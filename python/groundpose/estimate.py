@@ -51,6 +51,8 @@ def estimate_poses(
     options: Options = _DEFAULT_OPTIONS,
     threads: int | None = None,
     frame_tilt_sigma: float | None = None,
+    vehicle_probability: ArrayLike | None = None,
+    viewing_angle_probabilities: ArrayLike | None = None,
 ) -> PoseBatch:
     """The pose (and shape) of every object of one image.
 
@@ -69,6 +71,9 @@ def estimate_poses(
         frame_tilt_sigma: radians, standard deviation of the frame's true tilt about the nominal tilt
             of `view`. The tilt is then estimated first, from all objects together, and stands in
             the result's `view`; this doubles the time. None: the nominal tilt is taken as true.
+        vehicle_probability: (N,) that there is a vehicle at all, as a network says it; NaN, None: not said.
+        viewing_angle_probabilities: (N, 16) of the angle from which a network sees the object, KITTI's alpha,
+            bin b centred on b * 22.5 degrees; they give `ambiguity` and `alternatives`. NaN, None: not said.
 
     Returns:
         N answers, in order. An object without an answer has a `status` that says why, and NaN; its
@@ -98,13 +103,18 @@ def estimate_poses(
     handles = [each[0]._handle] if isinstance(models, ShapeModel) and count else [m._handle for m in each]
     sigma = None if frame_tilt_sigma is None else number("frame_tilt_sigma", frame_tilt_sigma)
     data, workers = (keypoints, scores, boxes, handles, thresholds), _threads(threads)
-    out = _core.estimate_batch(view._handle, *data, options._handle, workers, sigma)
+    said = (
+        _said("vehicle_probability", vehicle_probability, (count,)),
+        _said("viewing_angle_probabilities", viewing_angle_probabilities, (count, _core.VIEWING_ANGLES)),
+    )
+    out = _core.estimate_batch(view._handle, *data, options._handle, workers, sigma, *said)
     if sigma is not None:
         view = replace(view, pitch=out.pop("pitch"), roll=out.pop("roll"))
     ok = out["status"] == 0
     for name, words in _WORDS.items():
         out[name] = words[out[name]]
     given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
+    given["error_dof"] = np.inf if options.keypoint_error_dof is None else options.keypoint_error_dof
     return PoseBatch._of(given | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
 
 
@@ -184,6 +194,11 @@ def _scores(value: Any, count: int, width: int, lengths: list[int] | None) -> Fl
         for i, (row, n) in enumerate(zip(value, wanted, strict=True))
     ]
     return _pad(rows, wanted, width, 0.0) if count else np.empty((0, width))
+
+
+def _said(name: str, value: Any, shape: tuple[int, ...]) -> FloatArray | None:
+    """What a network says of each object, or None."""
+    return None if value is None else shaped(name, value, shape)
 
 
 def _bboxes(value: Any, count: int) -> FloatArray:

@@ -52,6 +52,15 @@ class Options(Value):
         min_keypoints: fewest visible keypoints an object must have.
         max_log10_nfa: refuse a pose when this many (log10) as good are to be expected among random
             keypoints; infinite: never refuse.
+        keypoint_error_factor: how much larger the variance of the keypoints' common error is than their
+            residuals show: 1 for independent errors, 7 to 20 for a network's; None: 1, or the network's own in
+            a `Pipeline`. It widens `covariance`.
+        keypoint_error_dof: degrees of freedom of Student's t of the errors of a pose, more than 2; few are heavy
+            tails, see `PoseBatch.region`. None: infinite (Gaussian), or the network's own.
+        probability_coefficients: of the logistic model of `probability`: a bias and one for each number of
+            `evidence`; None: those for keypoints of the caller, or the network's own.
+        min_probability: answers less probable to be right get the status "improbable"; 0: none does; None: the
+            default for keypoints of the caller, or the network's own.
         score_weights: whether keypoint scores weigh the residuals (they order the draws in any case).
         seed: of the random draws; an object's draws depend on it and the object's index only.
 
@@ -74,6 +83,10 @@ class Options(Value):
     max_iterations: int = 10_000
     min_keypoints: int = 4
     max_log10_nfa: float = 1.0
+    keypoint_error_factor: float | None = None
+    keypoint_error_dof: float | None = None
+    probability_coefficients: Sequence[float] | None = None
+    min_probability: float | None = None
     score_weights: bool = True
     seed: int = 0
     _handle: _core.Options = field(init=False, repr=False, compare=False)
@@ -102,6 +115,10 @@ def _one_or_more(name: str, value: Any) -> float | tuple[float, ...]:
     return tuple(shaped(name, value, ("N",)).tolist())
 
 
+def _coefficients(name: str, value: Any) -> tuple[float, ...]:
+    return tuple(shaped(name, value, (1 + _core.EVIDENCE,)).tolist())
+
+
 def _three(name: str, value: Any) -> tuple[float, ...]:
     return tuple(shaped(name, value, (3,)).tolist())
 
@@ -113,6 +130,7 @@ _CHECKS: dict[Any, _Check] = {
     bool: flag,
     str: text,
     tuple[float, float, float]: _three,
+    Sequence[float]: _coefficients,
     float | Sequence[float]: _one_or_more,
 }
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from groundpose._checks import FloatArray, type_error
+from groundpose import _core
+from groundpose._checks import FloatArray, input_error, integer, number, type_error
 from groundpose.shape import ShapeModel
 from groundpose.types import View
 
@@ -73,12 +74,30 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     """Log10 of the number of poses as good as this to expect among random keypoints (number of false alarms):
     the lower, the less likely it is an accident."""
     ambiguity: Number = field(metadata=spec())
-    """0 to 1, how well a clearly different pose (front and back exchanged, say) explains the keypoints,
-    compared with the pose returned."""
+    """Of a network's keypoints: probability that the object faces the half of the directions turned away from
+    this pose. Of the caller's: 0 to 1, how well a clearly different pose (front and back exchanged, say) explains
+    the keypoints, compared with the pose returned. `alternatives` has that pose."""
+    probability: Number = field(metadata=spec())
+    """Probability that the answer is right: yaw within 15 degrees, distance within 15 %."""
+    evidence: FloatArray = field(metadata=spec(_core.EVIDENCE, written=False))
+    """(6,) what `probability` follows from, 0 = not known: logit of the mean score (without scores: of the
+    fraction of inliers); log of the misfit between projected and given box against 2 % of its longer side; log of
+    `noise_sigma` against 1 % of it; `log10_nfa` / 10; logit of the probability of a vehicle; logit of
+    `ambiguity`."""
     confidence: Number = field(metadata=spec())
     """Probability of having drawn a good sample."""
     covariance: FloatArray = field(metadata=spec(6, 6))
     """(6, 6) of `[rotation vector (radians, perturbs R from the left), t (metres)]`."""
+    alternative_R: FloatArray = field(metadata=spec(3, 3))
+    """(3, 3) rotation of the best pose that faces another way; NaN where it is less probable than 2 %."""
+    alternative_t: FloatArray = field(metadata=spec(3))
+    """(3,) metres, its translation."""
+    alternative_yaw: Number = field(metadata=spec())
+    """Radians, its yaw."""
+    alternative_covariance: FloatArray = field(metadata=spec(6, 6, written=False))
+    """(6, 6) its covariance."""
+    alternative_probability: Number = field(metadata=spec())
+    """Probability that it is right, and the answer is not."""
     shape_coefficients: FloatArray = field(metadata=spec("M"))
     """(M,) coefficients of the model's modes."""
     shape_covariance: FloatArray = field(metadata=spec("M", "M"))
@@ -121,6 +140,35 @@ class Pose(ResultFields[str, bool, float, int]):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Alternatives:
+    """The other reading of each of N objects: the best pose that faces another way; NaN where there is none.
+
+    Attributes:
+        R, t, yaw, covariance: (N, 3, 3), (N, 3), (N,), (N, 6, 6), as those of a `PoseBatch`.
+        probability: (N,) that this pose is right, and the answer is not.
+    """
+
+    R: FloatArray
+    t: FloatArray
+    yaw: FloatArray
+    covariance: FloatArray
+    probability: FloatArray
+
+
+def region_radius2(level: float, dimensions: int, dof: float = np.inf) -> float:
+    """Squared Mahalanobis distance, in `dimensions`, that holds errors of Student's t with `dof` degrees of
+    freedom with the probability `level`: `d F_{d, dof}(level) (dof - 2) / dof`, a chi-square quantile for an
+    infinite `dof`.
+
+    Raises:
+        InputError: a level that is not between 0 and 1, no dimension, a `dof` of 2 or less.
+    """
+    if integer("dimensions", dimensions) < 1:
+        raise input_error("dimensions", "1 or more", dimensions)
+    return _core.region_radius2(number("level", level), int(dimensions), number("dof", dof))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, NDArray[np.int64]]):
     """The poses of the N objects of one image, in the order given: the fields of `ResultFields` as arrays.
 
@@ -133,12 +181,36 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         tilt_covariance: (2, 2) radians^2 of the estimated pitch and roll; NaN when the tilt is nominal.
         bboxes: (N, 4) `left, top, right, bottom` pixels, a copy of what was given, NaN = not known.
         models: N shape models.
+        error_dof: degrees of freedom of Student's t of the errors, see `region`; infinite: Gaussian.
     """
 
     view: View
     tilt_covariance: FloatArray
     bboxes: FloatArray
     models: tuple[ShapeModel, ...]
+    error_dof: float = np.inf
+
+    @property
+    def alternatives(self) -> Alternatives:
+        """The poses of the other readings: NaN for objects that have none above 2 %."""
+        return Alternatives(
+            R=self.alternative_R,
+            t=self.alternative_t,
+            yaw=self.alternative_yaw,
+            covariance=self.alternative_covariance,
+            probability=self.alternative_probability,
+        )
+
+    def region(self, level: float = 0.95, dimensions: int = 6) -> float:
+        """Squared Mahalanobis distance within which the truth lies with the probability `level`.
+
+        For `dimensions` of an error e with their part C of `covariance` the region is `e @ inv(C) @ e <= region`;
+        of one number it is an interval of `sqrt(region)` standard deviations to either side.
+
+        Raises:
+            InputError: a level that is not between 0 and 1, no dimension.
+        """
+        return region_radius2(level, dimensions, self.error_dof)
 
     @classmethod
     def _of(cls, values: dict[str, Any]) -> PoseBatch:

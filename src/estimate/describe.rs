@@ -1,14 +1,18 @@
 //! Last step: everything that is said of the pose returned, from that pose.
 
 use crate::error::NoPose;
+use crate::estimate::alternative::{self, Alternative, Source, turned_covariance, turned_probability};
 use crate::estimate::object::{Memory, Object};
 use crate::estimate::options::Solver;
+use crate::estimate::probability::{Evidence, Facts, probability};
 use crate::estimate::refine::objective;
 use crate::estimate::verify::Verified;
 use crate::geometry::math::{exp, sqrt, square};
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
 use crate::refine::covariance::{PoseCovariance, ShapeCovariance, covariance};
+use crate::refine::normal::State;
+use crate::refine::objective::Objective;
 use crate::refine::schedule::{MAX_STAGES, StageStatistics};
 use crate::search::ransac::RansacStatistics;
 use crate::search::score::truncated;
@@ -65,8 +69,15 @@ pub struct Estimate {
     pub covariance: Option<PoseCovariance>,
     /// Covariance of the shape coefficients, if asked for.
     pub shape_covariance: Option<ShapeCovariance>,
-    /// Relative likelihood, 0 to 1, of the best pose that faces another way: near 1, it could be either.
+    /// With viewing angles of a network: probability that the object faces the other half of them. Else relative
+    /// likelihood, 0 to 1, of the best pose that faces another way: near 1, it could be either.
     pub ambiguity: f64,
+    /// Probability that this answer is right: yaw within 15 degrees, distance within 15 %.
+    pub probability: f64,
+    /// What speaks for it and against it.
+    pub evidence: Evidence,
+    /// The best pose that faces another way, where it is not too improbable.
+    pub alternative: Option<Alternative>,
     /// The search that made the hypothesis.
     pub ransac: RansacStatistics,
     /// The minimal solver that made the hypothesis.
@@ -78,7 +89,7 @@ pub struct Estimate {
 impl Estimate {
     fn is_finite(&self) -> bool {
         let residuals = [self.reprojection_rmse, self.score, self.noise_sigma, self.log10_nfa, self.ambiguity];
-        residuals.iter().chain(&self.shape_coefficients).all(|x| x.is_finite())
+        residuals.iter().chain(&self.shape_coefficients).chain(&self.evidence).all(|x| x.is_finite())
     }
 }
 
@@ -86,7 +97,7 @@ impl Estimate {
 /// covariances are no part of the stack under the search and the refinement.
 ///
 /// # Errors
-/// It does not, or it has no numbers.
+/// It does not, it has no numbers, or it is too improbable.
 #[inline(never)]
 pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory) -> Result<Estimate, NoPose> {
     let Verified { refined, solver, ransac, noise, log10_nfa } = verified;
@@ -101,12 +112,24 @@ pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory
         return Err(NoPose::NoConsensus);
     }
     let score = truncated(object.unit, points, square(threshold));
-    let covariances = if object.options.covariance {
-        let mut objective = objective(object, memory.keypoints.lend(), noise.sigma);
-        Some(covariance(&mut objective, state, threshold).ok_or(NoPose::Degenerate)?)
-    } else {
-        None
-    };
+    let doubt = Doubt::of(object, verified);
+    let mut objective = objective(object, memory.keypoints.lend(), noise.sigma);
+    let facts = facts(object, verified, &mut objective, visible, doubt.ambiguity);
+    if facts.looks_too_small(&object.usable_bbox) {
+        return Err(NoPose::Improbable);
+    }
+    let evidence = facts.evidence();
+    let probability = probability(&object.options.effective_probability_coefficients(), &evidence);
+    if !(probability >= object.options.effective_min_probability()) {
+        return Err(NoPose::Improbable);
+    }
+    let factor = object.options.effective_keypoint_error_factor();
+    let mut uncertainty = |state: &State| covariance(&mut objective, state, threshold, factor);
+    let covariances =
+        if object.options.covariance { Some(uncertainty(state).ok_or(NoPose::Degenerate)?) } else { None };
+    let own = covariances.as_ref().map(|c| &c.0);
+    let ambiguity = doubt.ambiguity;
+    let alternative = doubt.alternative(object, state, probability, own, &mut uncertainty);
     let estimate = Estimate {
         pose: state.pose,
         yaw: state.pose.yaw(object.view),
@@ -119,7 +142,10 @@ pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory
         noise_sigma: noise.sigma,
         covariance: covariances.map(|c| c.0),
         shape_covariance: covariances.map(|c| c.1),
-        ambiguity: ambiguity(refined.cost, refined.runner_up, noise.sigma.max(AMBIGUITY_NOISE * threshold)),
+        ambiguity,
+        probability,
+        evidence,
+        alternative,
         ransac: *ransac,
         solver: *solver,
         stages: refined.stages,
@@ -150,7 +176,80 @@ fn store_residuals(points: Measured, visible: &[u32], threshold: f64, residuals:
     inliers
 }
 
+/// What the evidence for a pose is made of.
+fn facts<'a>(
+    object: &'a Object,
+    verified: &Verified,
+    objective: &mut Objective,
+    visible: &'a [u32],
+    ambiguity: f64,
+) -> Facts<'a> {
+    let bbox = &object.usable_bbox;
+    let is_known = [bbox.left, bbox.top, bbox.right, bbox.bottom].iter().any(|side| !side.is_nan());
+    // Where the box only makes hypotheses, its sides still tell how well it agrees.
+    let bbox_sigma = core::mem::replace(&mut objective.priors.bbox_sigma, 1.0);
+    let sides = if is_known { objective.sides(&verified.refined.state) } else { None };
+    objective.priors.bbox_sigma = bbox_sigma;
+    Facts {
+        observation: object.observation,
+        visible,
+        sides,
+        longer_side: object.observation.bbox().and_then(|b| b.longer_side()).unwrap_or(sqrt(object.noise.area)),
+        noise_sigma: verified.noise.sigma,
+        inlier_fraction: verified.noise.inlier_fraction,
+        log10_nfa: verified.log10_nfa,
+        ambiguity,
+    }
+}
+
+/// Whether it could face another way.
+struct Doubt {
+    ambiguity: f64,
+    /// The other reading, and how likely it is against this one.
+    other: Option<(Source, [f64; 2])>,
+}
+
+impl Doubt {
+    /// By the network's viewing angles where there are some, else by the best pose that faces another way.
+    fn of(object: &Object, verified: &Verified) -> Self {
+        let (refined, model) = (&verified.refined, object.observation.model());
+        if let Some(angles) = object.observation.viewing_angles() {
+            let ambiguity = turned_probability(angles, &refined.state, model);
+            let source = Source::away(&refined.state, refined.runner_up.as_ref(), model);
+            return Self { ambiguity, other: Some((source, [ambiguity, 1.0 - ambiguity])) };
+        }
+        let Some(other) = refined.runner_up else { return Self { ambiguity: 0.0, other: None } };
+        let noise_sigma = verified.noise.sigma.max(AMBIGUITY_NOISE * object.inlier_threshold);
+        let ambiguity = relative_likelihood(refined.cost, other.cost, noise_sigma);
+        Self { ambiguity, other: Some((Source::Found(other.state), [ambiguity, 1.0])) }
+    }
+
+    /// The other reading, where it is probable enough; `right` is the probability that `state` is right, `own` its
+    /// covariance.
+    fn alternative(
+        self,
+        object: &Object,
+        state: &State,
+        right: f64,
+        own: Option<&PoseCovariance>,
+        uncertainty: &mut impl FnMut(&State) -> Option<(PoseCovariance, ShapeCovariance)>,
+    ) -> Option<Alternative> {
+        let (source, [other, this]) = self.other?;
+        let probability = alternative::probability(other, this, right)?;
+        let (other, covariance) = match source {
+            Source::Found(other) => (other, own.and_then(|_| uncertainty(&other)).map(|c| c.0)),
+            Source::Turned(other) => {
+                let model = object.observation.model();
+                (other, own.map(|own| turned_covariance(own, state, &other, model)))
+            }
+        };
+        let (pose, shape_coefficients) = (other.pose.orthonormalized(), other.coefficients);
+        let yaw = pose.yaw(object.view);
+        Some(Alternative { pose, yaw, shape_coefficients, covariance, probability })
+    }
+}
+
 /// Likelihood of the runner-up relative to the best, from their costs (pixels squared, halved).
-fn ambiguity(best: f64, runner_up: f64, noise_sigma: f64) -> f64 {
+fn relative_likelihood(best: f64, runner_up: f64, noise_sigma: f64) -> f64 {
     exp(-(runner_up - best).max(0.0) / square(noise_sigma))
 }

@@ -2,6 +2,7 @@
 //!
 //! An estimate of one object reads from `pipeline` on.
 
+pub mod alternative;
 pub(crate) mod attempt;
 #[cfg(feature = "rayon")]
 pub mod batch;
@@ -15,6 +16,7 @@ pub mod frame_tilt;
 pub(crate) mod object;
 pub mod options;
 pub(crate) mod pipeline;
+pub mod probability;
 pub(crate) mod refine;
 pub(crate) mod search;
 pub(crate) mod verify;

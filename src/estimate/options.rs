@@ -1,10 +1,15 @@
 //! Options: every default in one place, checked once.
 
 use crate::error::{Got, InputError, require};
+use crate::estimate::probability::EVIDENCE;
 use crate::minimal::p1p::Cases;
+use crate::refine::region::region_radius2;
 use crate::refine::schedule::Refinement;
 use crate::search::score::Scoring;
-use crate::tuning::{HRE_THRESHOLDS, MAX_LOG10_NFA, OBJECT_TILT_SIGMA, RELATIVE_BBOX_SIGMA, RELATIVE_THRESHOLD};
+use crate::tuning::{
+    CALLERS_PROBABILITY, HRE_THRESHOLDS, MAX_LOG10_NFA, MIN_PROBABILITY, OBJECT_TILT_SIGMA, RELATIVE_BBOX_SIGMA,
+    RELATIVE_THRESHOLD,
+};
 
 /// Which minimal solver makes the hypotheses.
 ///
@@ -107,6 +112,17 @@ pub struct Options {
     /// An answer must be better than chance: the largest log10 of the number of poses as good as it to expect among
     /// random keypoints. Infinite: never refuse. See [`crate::estimate::describe::Estimate::log10_nfa`].
     pub max_log10_nfa: f64,
+    /// How much larger the variance of the keypoints' common error is than their residuals show ([`crate::refine::covariance`]):
+    /// 1 for independent errors, 7 to 20 for those of a network. `None`: 1.
+    pub keypoint_error_factor: Option<f64>,
+    /// Degrees of freedom of Student's t of the errors of a pose: few are heavy tails, see [`Options::region_radius2`].
+    /// `None`: infinite, Gaussian errors.
+    pub keypoint_error_dof: Option<f64>,
+    /// Coefficients of the probability that an answer is right: a bias, and one for each number of
+    /// [`crate::estimate::probability::Evidence`]. `None`: those for keypoints of the caller.
+    pub probability_coefficients: Option<[f64; 1 + EVIDENCE]>,
+    /// Least probability of an answer; 0: never refuse. `None`: that for keypoints of the caller.
+    pub min_probability: Option<f64>,
     /// Whether keypoint scores weigh the residuals (they always order the draws).
     pub score_weights: bool,
     /// Seed of the draws.
@@ -131,6 +147,10 @@ impl Default for Options {
             max_iterations: 10_000,
             min_keypoints: 4,
             max_log10_nfa: MAX_LOG10_NFA,
+            keypoint_error_factor: None,
+            keypoint_error_dof: None,
+            probability_coefficients: None,
+            min_probability: None,
             score_weights: true,
             seed: 0,
         }
@@ -180,6 +200,33 @@ impl Options {
         self.shape_prior.unwrap_or(self.refinement == Refinement::Default)
     }
 
+    /// The factor that applies.
+    #[must_use]
+    pub fn effective_keypoint_error_factor(&self) -> f64 {
+        self.keypoint_error_factor.unwrap_or(1.0)
+    }
+
+    /// Squared Mahalanobis distance, against the covariance of a pose or of so many `dimensions` of it, within which the
+    /// truth lies with the probability `level`: [`crate::refine::region::region_radius2`] with these options' tails.
+    ///
+    /// # Errors
+    /// Those of that function.
+    pub fn region_radius2(&self, level: f64, dimensions: usize) -> Result<f64, InputError> {
+        region_radius2(level, dimensions, self.keypoint_error_dof.unwrap_or(f64::INFINITY))
+    }
+
+    /// The coefficients that apply.
+    #[must_use]
+    pub fn effective_probability_coefficients(&self) -> [f64; 1 + EVIDENCE] {
+        self.probability_coefficients.unwrap_or(CALLERS_PROBABILITY)
+    }
+
+    /// The least probability that applies.
+    #[must_use]
+    pub fn effective_min_probability(&self) -> f64 {
+        self.min_probability.unwrap_or(MIN_PROBABILITY)
+    }
+
     /// # Errors
     /// Any value outside its range.
     pub fn check(&self) -> Result<(), InputError> {
@@ -206,6 +253,21 @@ impl Options {
         require(self.max_iterations > 0, "max_iterations", "at least 1", Got::Count(0))?;
         let n = self.max_log10_nfa;
         require(!n.is_nan(), "max_log10_nfa", "a number, or infinity to never refuse", Got::Number(n))?;
+        if let Some(factor) = self.keypoint_error_factor {
+            let expected = "a number of at least 1, or none";
+            require(factor.is_finite() && factor >= 1.0, "keypoint_error_factor", expected, Got::Number(factor))?;
+        }
+        if let Some(dof) = self.keypoint_error_dof {
+            let expected = "a number above 2 (infinite: Gaussian errors), or none";
+            require(dof > 2.0, "keypoint_error_dof", expected, Got::Number(dof))?;
+        }
+        for c in self.probability_coefficients.into_iter().flatten() {
+            require(c.is_finite(), "probability_coefficients", "seven finite numbers, or none", Got::Number(c))?;
+        }
+        if let Some(p) = self.min_probability {
+            let expected = "a probability, 0 (never refuse) to 1, or none";
+            require((0.0..=1.0).contains(&p), "min_probability", expected, Got::Number(p))?;
+        }
         let m = self.min_keypoints;
         require(m >= 3, "min_keypoints", "at least 3: fewer do not determine a pose", Got::Count(m))?;
         Ok(())

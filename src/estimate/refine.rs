@@ -19,13 +19,31 @@ use crate::tuning::{HOPELESS, JUDGING_CUT, NARROWEST_TILT, OTHER_WAY, SAME_WAY};
 pub(crate) struct Refined {
     pub(crate) state: State,
     pub(crate) stages: [StageStatistics; MAX_STAGES],
-    /// Truncated cost, priors included (pixels squared, halved), and that of the best pose that faces another way.
+    /// Truncated cost, priors included (pixels squared, halved).
     pub(crate) cost: f64,
-    pub(crate) runner_up: f64,
+    /// The best pose that faces another way.
+    pub(crate) runner_up: Option<RunnerUp>,
     /// Of the keypoints at this pose, if they were measured there.
     pub(crate) noise: Option<Noise>,
     /// Standard deviation, pixels, of the noise by which costs were compared.
     pub(crate) compared_by: f64,
+}
+
+/// A pose that lost, and its cost as that of [`Refined`].
+#[derive(Clone, Copy)]
+pub(crate) struct RunnerUp {
+    pub(crate) state: State,
+    pub(crate) cost: f64,
+}
+
+impl RunnerUp {
+    /// The one that costs less.
+    pub(crate) fn better(this: Option<Self>, other: Option<Self>) -> Option<Self> {
+        match (this, other) {
+            (Some(this), Some(other)) => Some(if other.cost < this.cost { other } else { this }),
+            (this, other) => this.or(other),
+        }
+    }
 }
 
 /// Where a candidate was after its first stage, and its cost there (pixels squared, halved).
@@ -57,14 +75,20 @@ pub(crate) fn refine(
     best.map(|best| Refined { state: State { pose: best.state.pose.orthonormalized(), ..best.state }, ..best })
 }
 
+impl Refined {
+    pub(crate) fn as_runner_up(&self) -> RunnerUp {
+        RunnerUp { state: self.state, cost: self.cost }
+    }
+}
+
 /// The one that costs less, with the other as its runner-up where it faces another way.
 fn better(best: Refined, other: Refined) -> Refined {
     let other_way = best.state.pose.forward_cosine(&other.state.pose) < OTHER_WAY;
     let (is_other, runner_up) = (other.cost < best.cost, best.runner_up);
     let runner_up = match (other_way, is_other) {
         (false, _) => runner_up,
-        (true, true) => best.cost,
-        (true, false) => runner_up.min(other.cost),
+        (true, true) => Some(best.as_runner_up()),
+        (true, false) => RunnerUp::better(runner_up, Some(other.as_runner_up())),
     };
     Refined { runner_up, ..if is_other { other } else { best } }
 }
@@ -99,7 +123,7 @@ fn refine_one(
     (objective.priors.noise_sigma, objective.priors.use_bbox) = (sigma, true);
     let cut = JUDGING_CUT * sigma;
     let cost = objective.truncated_cost(&state, cut, f64::INFINITY);
-    let refined = Refined { state, stages, cost, runner_up: f64::INFINITY, noise, compared_by: sigma };
+    let refined = Refined { state, stages, cost, runner_up: None, noise, compared_by: sigma };
     if refinement == Refinement::Default {
         // Never a pose that explains the data worse than the hypothesis it came from.
         let initial = State { pose: candidate.pose, coefficients: [0.0; MAX_MODES] };

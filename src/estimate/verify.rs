@@ -3,7 +3,7 @@
 use crate::estimate::attempt::Attempt;
 use crate::estimate::object::{Memory, Object};
 use crate::estimate::options::Solver;
-use crate::estimate::refine::Refined;
+use crate::estimate::refine::{Refined, RunnerUp};
 use crate::estimate::search::Hypotheses;
 use crate::search::false_alarms::Consensus;
 use crate::search::noise::Noise;
@@ -56,6 +56,7 @@ pub(crate) fn better(first: Option<Verified>, second: Option<Verified>) -> Optio
     let is_first = first.log10_nfa <= second.log10_nfa || second.log10_nfa.is_nan();
     let (mut best, other) = if is_first { (first, second.refined) } else { (second, first.refined) };
     let other_way = best.refined.state.pose.forward_cosine(&other.state.pose) < OTHER_WAY;
-    best.refined.runner_up = best.refined.runner_up.min(if other_way { other.cost } else { other.runner_up });
+    let others = if other_way { Some(other.as_runner_up()) } else { other.runner_up };
+    best.refined.runner_up = RunnerUp::better(best.refined.runner_up, others);
     Some(best)
 }

@@ -31,8 +31,17 @@ pub struct Observation<'a> {
     keypoint_scores: Option<&'a [f64]>,
     bbox: Option<Bbox>,
     inlier_threshold: Option<f64>,
+    vehicle_probability: Option<f64>,
+    viewing_angles: Option<&'a [f64; VIEWING_ANGLES]>,
     model: &'a ShapeModel<'a>,
 }
+
+/// Probabilities of single-precision networks end a little above 1.
+const ROUNDING: f64 = 1e-6;
+
+/// Bins of the viewing angle, the angle from which the camera sees an object: KITTI's alpha,
+/// `rotation_y - atan2(x, z)`, bin b centred on `b * 2 pi / 16`.
+pub const VIEWING_ANGLES: usize = 16;
 
 impl<'a> Observation<'a> {
     /// Keypoints in pixels, one per keypoint of the model; a NaN coordinate means not seen.
@@ -49,7 +58,15 @@ impl<'a> Observation<'a> {
         for &x in keypoints_2d.iter().flatten() {
             require(!x.is_infinite(), "keypoints_2d", "finite pixels, or NaN for not seen", Got::Number(x))?;
         }
-        Ok(Self { keypoints_2d, keypoint_scores: None, bbox: None, inlier_threshold: None, model })
+        Ok(Self {
+            keypoints_2d,
+            keypoint_scores: None,
+            bbox: None,
+            inlier_threshold: None,
+            vehicle_probability: None,
+            viewing_angles: None,
+            model,
+        })
     }
 
     /// With the object's 2D box.
@@ -86,6 +103,33 @@ impl<'a> Observation<'a> {
         let valid = pixels.is_finite() && pixels > 0.0;
         require(valid, "inlier_threshold", "a positive number of pixels", Got::Number(pixels))?;
         self.inlier_threshold = Some(pixels);
+        Ok(self)
+    }
+
+    /// With the probability that there is a vehicle at all, as a network says it.
+    ///
+    /// # Errors
+    /// Not a probability.
+    pub fn with_vehicle_probability(mut self, probability: f64) -> Result<Self, InputError> {
+        let valid = (0.0..=1.0 + ROUNDING).contains(&probability);
+        require(valid, "vehicle_probability", "a probability, 0 to 1", Got::Number(probability))?;
+        self.vehicle_probability = Some(probability);
+        Ok(self)
+    }
+
+    /// With the probabilities of the viewing angles, as a network says them: they tell a pose from its reading turned
+    /// round.
+    ///
+    /// # Errors
+    /// Numbers that are no probabilities or do not add up to 1 within 1 %.
+    pub fn with_viewing_angles(mut self, probabilities: &'a [f64; VIEWING_ANGLES]) -> Result<Self, InputError> {
+        let expected = "probabilities that add up to 1";
+        for &p in probabilities {
+            require((0.0..=1.0 + ROUNDING).contains(&p), "viewing_angle_probabilities", expected, Got::Number(p))?;
+        }
+        let sum: f64 = probabilities.iter().sum();
+        require((sum - 1.0).abs() < 0.01, "viewing_angle_probabilities", expected, Got::Number(sum))?;
+        self.viewing_angles = Some(probabilities);
         Ok(self)
     }
 
@@ -131,6 +175,18 @@ impl<'a> Observation<'a> {
     #[must_use]
     pub fn inlier_threshold(&self) -> Option<f64> {
         self.inlier_threshold
+    }
+
+    /// Probability that there is a vehicle at all, if a network says it.
+    #[must_use]
+    pub fn vehicle_probability(&self) -> Option<f64> {
+        self.vehicle_probability
+    }
+
+    /// Probabilities of the viewing angles, if a network says them.
+    #[must_use]
+    pub fn viewing_angles(&self) -> Option<&'a [f64; VIEWING_ANGLES]> {
+        self.viewing_angles
     }
 
     /// The model.

@@ -18,7 +18,7 @@ use crate::estimate::estimator::Estimator;
 use crate::estimate::frame_tilt::FrameTilt;
 use crate::estimate::workspace::GrowingWorkspace;
 use crate::geometry::bbox::Bbox;
-use crate::model::observation::Observation;
+use crate::model::observation::{Observation, VIEWING_ANGLES};
 use crate::model::shape_model::ShapeModel;
 
 /// Objects between two looks for an interrupt; also bounds the memory beyond inputs and outputs.
@@ -31,6 +31,8 @@ struct Inputs<'a> {
     scores: Option<&'a [f64]>,
     bboxes: Option<&'a [[f64; 4]]>,
     thresholds: Option<&'a [f64]>,
+    vehicle_probability: Option<&'a [f64]>,
+    viewing_angles: Option<&'a [[f64; VIEWING_ANGLES]]>,
     models: Vec<Arc<ModelData>>,
 }
 
@@ -38,7 +40,7 @@ struct Inputs<'a> {
 /// and in the dict too.
 #[pyfunction]
 #[pyo3(signature = (view, keypoints_2d, keypoint_scores, bboxes, models, inlier_thresholds, options, threads,
-                    frame_tilt_sigma=None))]
+                    frame_tilt_sigma=None, vehicle_probability=None, viewing_angle_probabilities=None))]
 #[expect(clippy::too_many_arguments, reason = "one private call with everything a batch needs")]
 pub(crate) fn estimate_batch<'py>(
     py: Python<'py>,
@@ -51,6 +53,8 @@ pub(crate) fn estimate_batch<'py>(
     options: &PyOptions,
     threads: usize,
     frame_tilt_sigma: Option<f64>,
+    vehicle_probability: Option<PyReadonlyArray1<'py, f64>>,
+    viewing_angle_probabilities: Option<PyReadonlyArray2<'py, f64>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let &[objects, keypoints, _] = keypoints_2d.shape() else {
         return Err(input_error("keypoints_2d", "shape (N, P, 2)", &format!("{:?}", keypoints_2d.shape())));
@@ -74,12 +78,23 @@ pub(crate) fn estimate_batch<'py>(
     if let Some(t) = &inlier_thresholds {
         require_shape("inlier_threshold", &t.as_array(), &[objects])?;
     }
+    if let Some(p) = &vehicle_probability {
+        require_shape("vehicle_probability", &p.as_array(), &[objects])?;
+    }
+    if let Some(p) = &viewing_angle_probabilities {
+        require_shape("viewing_angle_probabilities", &p.as_array(), &[objects, VIEWING_ANGLES])?;
+    }
     let inputs = Inputs {
         keypoints_2d: rows::<2, _>("keypoints_2d", &keypoints_2d)?,
         keypoints,
         scores: keypoint_scores.as_ref().map(|s| flat("keypoint_scores", s)).transpose()?,
         bboxes: bboxes.as_ref().map(|b| rows::<4, _>("bboxes", b)).transpose()?,
         thresholds: inlier_thresholds.as_ref().map(|t| flat("inlier_threshold", t)).transpose()?,
+        vehicle_probability: vehicle_probability.as_ref().map(|p| flat("vehicle_probability", p)).transpose()?,
+        viewing_angles: viewing_angle_probabilities
+            .as_ref()
+            .map(|p| rows::<VIEWING_ANGLES, _>("viewing_angle_probabilities", p))
+            .transpose()?,
         models,
     };
     let estimator = Estimator::new(options.0)?;
@@ -138,7 +153,15 @@ impl Objects for Inputs<'_> {
         let keypoints = &self.keypoints_2d[row..row + count];
         let scores = self.scores.map(|s| &s[row..row + count]);
         let bbox = self.bboxes.map(|b| b[i]).filter(|b| !b.iter().all(|x| x.is_nan()));
-        observe(keypoints, &model, scores, bbox, self.thresholds.map(|t| t[i])).map(|observation| f(&observation))
+        let mut observation = observe(keypoints, &model, scores, bbox, self.thresholds.map(|t| t[i]))?;
+        // NaN: a network did not say
+        if let Some(probability) = self.vehicle_probability.map(|p| p[i]).filter(|p| !p.is_nan()) {
+            observation = observation.with_vehicle_probability(probability).ok()?;
+        }
+        if let Some(angles) = self.viewing_angles.map(|p| &p[i]).filter(|p| !p[0].is_nan()) {
+            observation = observation.with_viewing_angles(angles).ok()?;
+        }
+        Some(f(&observation))
     }
 }
 

@@ -60,11 +60,20 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(solvers::solve_up2p, module)?)?;
     module.add_function(wrap_pyfunction!(synthetic::synthetic_scenes, module)?)?;
     module.add_function(wrap_pyfunction!(build_info, module)?)?;
+    module.add_function(wrap_pyfunction!(region_radius2, module)?)?;
+    module.add("EVIDENCE", crate::estimate::probability::EVIDENCE)?;
+    module.add("VIEWING_ANGLES", crate::model::observation::VIEWING_ANGLES)?;
     module.add("STATUS", crate::error::NoPose::NAMES.to_vec())?;
     module.add("STOP_REASONS", crate::search::ransac::StopReason::NAMES.to_vec())?;
     module.add("SOLVERS", crate::estimate::options::Solver::NAMES.to_vec())?;
     module.add("LENSES", crate::geometry::lens::Lens::MODELS.map(|(name, _)| name).to_vec())?;
     Ok(())
+}
+
+/// Squared Mahalanobis distance within which the truth lies with a probability.
+#[pyfunction]
+fn region_radius2(level: f64, dimensions: usize, dof: f64) -> PyResult<f64> {
+    Ok(crate::refine::region::region_radius2(level, dimensions, dof)?)
 }
 
 /// How this module was built, and what it found on this machine.

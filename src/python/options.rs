@@ -74,7 +74,7 @@ macro_rules! field {
     };
 }
 
-const FIELDS: [Field; 17] = [
+const FIELDS: [Field; 21] = [
     field!(inlier_threshold),
     field!(relative_threshold),
     field!(confidence),
@@ -95,6 +95,10 @@ const FIELDS: [Field; 17] = [
     field!(max_iterations),
     field!(min_keypoints),
     field!(max_log10_nfa),
+    field!(keypoint_error_factor),
+    field!(keypoint_error_dof),
+    field!(probability_coefficients),
+    field!(min_probability),
     field!(score_weights),
     field!(seed),
 ];

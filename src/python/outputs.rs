@@ -7,8 +7,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::classes::ModelData;
+use crate::estimate::alternative::Alternative;
 use crate::estimate::batch::{Answer, Answers};
 use crate::estimate::describe::Estimate;
+use crate::estimate::probability::EVIDENCE;
+use crate::refine::covariance::PoseCovariance;
 use crate::refine::schedule::MAX_STAGES;
 
 /// One output array of numbers: its name, its shape for one object, and how an estimate fills it.
@@ -18,7 +21,7 @@ struct Field<T> {
     write: fn(&Estimate, &mut [T]),
 }
 
-const NUMBERS: [Field<f64>; 14] = [
+const NUMBERS: [Field<f64>; 21] = [
     Field { name: "R", shape: |_| vec![3, 3], write: |e, out| out.copy_from_slice(e.pose.r.transpose().as_slice()) },
     Field { name: "t", shape: |_| vec![3], write: |e, out| out.copy_from_slice(e.pose.t.as_slice()) },
     Field { name: "yaw", shape: |_| vec![], write: |e, out| out[0] = e.yaw },
@@ -29,14 +32,34 @@ const NUMBERS: [Field<f64>; 14] = [
     Field { name: "confidence", shape: |_| vec![], write: |e, out| out[0] = e.ransac.confidence },
     Field { name: "log10_nfa", shape: |_| vec![], write: |e, out| out[0] = e.log10_nfa },
     Field { name: "ambiguity", shape: |_| vec![], write: |e, out| out[0] = e.ambiguity },
+    Field { name: "probability", shape: |_| vec![], write: |e, out| out[0] = e.probability },
+    Field { name: "evidence", shape: |_| vec![EVIDENCE], write: |e, out| out.copy_from_slice(&e.evidence) },
     Field {
-        name: "covariance",
-        shape: |_| vec![6, 6],
-        write: |e, out| match &e.covariance {
-            Some(covariance) => out.copy_from_slice(covariance.as_slice()),
-            None => out.fill(f64::NAN),
-        },
+        name: "alternative_R",
+        shape: |_| vec![3, 3],
+        write: |e, out| of_other(e, out, |other, out| out.copy_from_slice(other.pose.r.transpose().as_slice())),
     },
+    Field {
+        name: "alternative_t",
+        shape: |_| vec![3],
+        write: |e, out| of_other(e, out, |other, out| out.copy_from_slice(other.pose.t.as_slice())),
+    },
+    Field {
+        name: "alternative_yaw",
+        shape: |_| vec![],
+        write: |e, out| of_other(e, out, |other, out| out[0] = other.yaw),
+    },
+    Field {
+        name: "alternative_covariance",
+        shape: |_| vec![6, 6],
+        write: |e, out| of_other(e, out, |other, out| write_covariance(other.covariance.as_ref(), out)),
+    },
+    Field {
+        name: "alternative_probability",
+        shape: |_| vec![],
+        write: |e, out| of_other(e, out, |other, out| out[0] = other.probability),
+    },
+    Field { name: "covariance", shape: |_| vec![6, 6], write: |e, out| write_covariance(e.covariance.as_ref(), out) },
     Field {
         name: "shape_coefficients",
         shape: |modes| vec![modes],
@@ -60,6 +83,21 @@ const COUNTS: [Field<i64>; 4] = [
         write: |e, out| out.copy_from_slice(&e.stages.map(|s| s.iterations as i64)),
     },
 ];
+
+/// Of the other reading, where there is one.
+fn of_other(estimate: &Estimate, out: &mut [f64], write: impl Fn(&Alternative, &mut [f64])) {
+    match &estimate.alternative {
+        Some(other) => write(other, out),
+        None => out.fill(f64::NAN),
+    }
+}
+
+fn write_covariance(covariance: Option<&PoseCovariance>, out: &mut [f64]) {
+    match covariance {
+        Some(covariance) => out.copy_from_slice(covariance.as_slice()),
+        None => out.fill(f64::NAN),
+    }
+}
 
 fn write_shape_covariance(estimate: &Estimate, out: &mut [f64]) {
     let modes = out.len().isqrt();

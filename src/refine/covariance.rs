@@ -4,8 +4,19 @@
 //! the normal matrix $`P`$ of the priors, in units of a pixel's cost,
 //!
 //! ```math
-//! \Sigma = \sigma^2 \Bigl( \sum_i w_i J_i^T J_i + P \Bigr)^{-1} .
+//! \Sigma = \sigma^2 H^{-1}, \qquad H = \sum_i w_i J_i^T J_i + P .
 //! ```
+//!
+//! The keypoints of a network err together: a shift of all of them, a stretch, a turn. Then the residuals do not show the
+//! whole error, and the part of the keypoints alone is larger by a factor $`\kappa`$
+//! ([`Options::keypoint_error_factor`]):
+//!
+//! ```math
+//! \Sigma = H^{-1} \bigl( \kappa \sigma^2 (H - P) + \sigma^2 P \bigr) H^{-1}
+//!        = \kappa \sigma^2 H^{-1} - (\kappa - 1) \sigma^2 H^{-1} P H^{-1} .
+//! ```
+//!
+//! [`Options::keypoint_error_factor`]: crate::estimate::options::Options::keypoint_error_factor
 
 use nalgebra::SMatrix;
 
@@ -35,31 +46,44 @@ pub type PoseCovariance = SMatrix<f64, 6, 6>;
 /// ```
 pub type ShapeCovariance = SMatrix<f64, MAX_MODES, MAX_MODES>;
 
-/// Covariances of pose and shape, when the noise of a coordinate is that of the objective's priors; `None` when the
-/// inliers leave a direction free.
+/// Covariances of pose and shape, when the noise of a coordinate is that of the objective's priors and the keypoints'
+/// part is larger by `error_factor`; `None` when the inliers leave a direction free.
 pub(crate) fn covariance(
     objective: &mut Objective,
     state: &State,
     inlier_threshold: f64,
+    error_factor: f64,
 ) -> Option<(PoseCovariance, ShapeCovariance)> {
     objective.keypoints.activate_within(state, inlier_threshold);
     match padded_modes(objective.keypoints.model.eigenvalues().len()) {
-        0 => inverse::<6>(objective, state),
-        5 => inverse::<11>(objective, state),
-        _ => inverse::<{ 6 + MAX_MODES }>(objective, state),
+        0 => inverse::<6>(objective, state, error_factor),
+        5 => inverse::<11>(objective, state, error_factor),
+        _ => inverse::<{ 6 + MAX_MODES }>(objective, state, error_factor),
     }
 }
 
-fn inverse<const D: usize>(objective: &mut Objective, state: &State) -> Option<(PoseCovariance, ShapeCovariance)> {
+fn inverse<const D: usize>(
+    objective: &mut Objective,
+    state: &State,
+    error_factor: f64,
+) -> Option<(PoseCovariance, ShapeCovariance)> {
     let mut normal = Normal::<D>::ZERO;
     objective.linearise(state, Kernel::LeastSquares, &mut normal);
     cholesky(&mut normal.h)?;
+    let priors = (error_factor != 1.0).then(|| objective.priors_alone::<D>(state));
     let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
     let modes = objective.keypoints.model.eigenvalues().len();
     for column in 0..6 + modes {
         let mut x = [0.0; D];
         x[column] = square(objective.priors.noise_sigma);
         solve_cholesky(&normal.h, &mut x);
+        if let Some(priors) = &priors {
+            let mut sure = priors.h_times(&x);
+            solve_cholesky(&normal.h, &mut sure);
+            for (x, sure) in x.iter_mut().zip(sure) {
+                *x = error_factor * *x - (error_factor - 1.0) * sure;
+            }
+        }
         if x.iter().any(|x| !x.is_finite()) {
             return None;
         }

@@ -11,4 +11,5 @@ pub(crate) mod normal_joint;
 pub(crate) mod normal_pose;
 pub(crate) mod objective;
 pub(crate) mod priors;
+pub mod region;
 pub mod schedule;

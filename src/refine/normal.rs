@@ -60,6 +60,19 @@ pub(crate) fn add_row<const D: usize, const N: usize>(
 
 impl<const D: usize> Normal<D> {
     pub(crate) const ZERO: Self = Self { h: [[0.0; D]; D], gradient: [0.0; D], cost: 0.0 };
+
+    /// The symmetric matrix `H`, of which the upper triangle is stored, times a vector.
+    pub(crate) fn h_times(&self, x: &[f64; D]) -> [f64; D] {
+        let mut product = [0.0; D];
+        for i in 0..D {
+            product[i] += self.h[i][i] * x[i];
+            for j in i + 1..D {
+                product[i] += self.h[i][j] * x[j];
+                product[j] += self.h[i][j] * x[i];
+            }
+        }
+        product
+    }
 }
 
 /// `-(H + damping diag(H))^-1 gradient`; `None` when the matrix is not positive definite.

@@ -42,6 +42,22 @@ impl Objective<'_> {
         terms.add_tilt_and_shape(state, normal);
     }
 
+    /// The part of [`Objective::linearise`] that the priors add.
+    pub(crate) fn priors_alone<const D: usize>(&mut self, state: &State) -> Normal<D> {
+        let mut normal = Normal::ZERO;
+        let (_, terms) = self.at(state);
+        if let Some(sides) = terms.sides(state) {
+            normal.cost += terms.add_sides(state, &sides, &mut normal);
+        }
+        terms.add_tilt_and_shape(state, &mut normal);
+        normal
+    }
+
+    /// Where the projected 3D box ends and where the 2D box does; none when a corner is behind the camera.
+    pub(crate) fn sides(&mut self, state: &State) -> Option<Sides> {
+        self.at(state).1.sides(state)
+    }
+
     /// The cost of [`Objective::linearise`] alone.
     pub(crate) fn cost(&mut self, state: &State, kernel: Kernel) -> f64 {
         let (unit, view) = (self.keypoints.unit, self.view);

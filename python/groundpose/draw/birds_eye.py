@@ -15,8 +15,7 @@ from groundpose.poses import PoseBatch
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# An ellipse of this many standard deviations holds 95 % of a normal distribution in the plane.
-ELLIPSE_SIGMAS = 2.448
+ELLIPSE_LEVEL = 0.95
 
 
 def draw_birds_eye(
@@ -129,7 +128,7 @@ def position_ellipse(poses: PoseBatch, index: int) -> FloatArray:
     values, vectors = np.linalg.eigh(covariance)
     angles = np.linspace(0.0, 2.0 * np.pi, 64)
     circle = np.stack([np.cos(angles), np.sin(angles)])
-    radii = ELLIPSE_SIGMAS * np.sqrt(np.maximum(values, 0.0))[:, None]
+    radii = np.sqrt(poses.region(ELLIPSE_LEVEL, dimensions=2) * np.maximum(values, 0.0))[:, None]
     return np.asarray((to_ground @ (lever + pose.t)) + (vectors @ (radii * circle)).T)
 
 

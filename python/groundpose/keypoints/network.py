@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from groundpose._checks import input_error, integer, type_error
+from groundpose.keypoints.certainty import Certainty
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.vehicles.classes import CLASSES
@@ -21,6 +22,8 @@ FORMAT_VERSION = "2"
 _FIRST_OUTPUTS = ("keypoints", "spread", "peak", "kind_probabilities")
 OUTPUTS = {"1": _FIRST_OUTPUTS, FORMAT_VERSION: (*_FIRST_OUTPUTS, "vehicle", "viewing_angle")}
 """Names of a file's outputs by its version, in the order of the fields of `Detections`."""
+CERTAINTY = "certainty"
+"""Metadata key of `Certainty.numbers`, as JSON."""
 VEHICLE_THRESHOLD = 0.5
 """For files without the metadata key `vehicle_threshold`."""
 MODELS = Path(__file__).parent / "models"
@@ -45,6 +48,7 @@ class Network:
 
     Attributes:
         path: the file. codec: its crops' size and margin. calibration: of its scores. version: of its format.
+        certainty: how sure poses of its keypoints are (metadata key `certainty`).
         vehicle_threshold: the probability below which a crop is taken to show no vehicle.
         metadata: all that the file says of itself, str to str (how it was trained, on what, how good).
     """
@@ -84,6 +88,7 @@ class Network:
         size = (int(self.metadata["width"]), int(self.metadata["height"]))
         self.codec = Codec(*size, float(self.metadata["margin"]))
         self.calibration = Calibration.of(json.loads(self.metadata["score_calibration"]))
+        self.certainty = Certainty.of(json.loads(self.metadata.get(CERTAINTY, "{}")))
         self.vehicle_threshold = float(self.metadata.get("vehicle_threshold", VEHICLE_THRESHOLD))
 
     def __repr__(self) -> str:

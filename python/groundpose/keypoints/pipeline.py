@@ -124,7 +124,7 @@ class Pipeline:
             network: a `Network`, the path of one, the name of a bundled one, or None for the best of these.
             models: a shape model for each class, with that class's keypoints; None: those that ship. Classes
                 left out keep theirs.
-            options: of the solver.
+            options: of the solver; what they leave open of the certainty is the network's (`Network.certainty`).
             threads: of network and solver, 1 or more; None: all cores. A `Network` given keeps its own.
             batch_size: most crops that the network sees at a time.
             vehicle_threshold: objects whose probability to be a vehicle is lower get the status
@@ -136,9 +136,9 @@ class Pipeline:
                 another number of keypoints. TypeError: an argument of another type.
         """
         self.network = network if isinstance(network, Network) else Network(network, threads)
-        self.options = Options() if options is None else options
-        if not isinstance(self.options, Options):
+        if options is not None and not isinstance(options, Options):
             raise type_error("options", "Options", options)
+        self.options = self.network.certainty.applied(options or Options())
         self.threads = threads
         if integer("batch_size", batch_size) < 1:
             raise input_error("batch_size", "1 or more", batch_size)
@@ -185,6 +185,8 @@ class Pipeline:
         poses = estimate_poses(
             *(view, found.keypoints, boxes, models, found.scores, self.options, self.threads),
             frame_tilt_sigma=frame_tilt_sigma,
+            vehicle_probability=found.vehicle_probability,
+            viewing_angle_probabilities=found.viewing_angle_probabilities,
         )
         watch.lap("solve")
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)

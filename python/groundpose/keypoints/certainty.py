@@ -1,0 +1,53 @@
+"""How sure the poses of a network's keypoints are: numbers that are fitted for each network and stored in its file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from groundpose.options import Options
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """Numbers of one network, fitted by `groundpose evaluate honesty --fit`; the options of the same names.
+
+    The defaults are for a network of which nothing is known: the errors of every network's keypoints are shared
+    between them, so independent ones would be wrong for all.
+
+    Args:
+        error_factor: `Options.keypoint_error_factor`.
+        error_dof: `Options.keypoint_error_dof`.
+        probability_coefficients: `Options.probability_coefficients`; None: those for keypoints of the caller.
+        min_probability: `Options.min_probability`; None: that for keypoints of the caller.
+    """
+
+    error_factor: float = 15.0
+    error_dof: float = 5.6
+    probability_coefficients: tuple[float, ...] | None = None
+    min_probability: float | None = None
+
+    @classmethod
+    def of(cls, stored: Mapping[str, Any]) -> Certainty:
+        """From `numbers` of another."""
+        values = dict(stored)
+        if values.get("probability_coefficients") is not None:
+            values["probability_coefficients"] = tuple(values["probability_coefficients"])
+        return cls(**values)
+
+    def numbers(self) -> dict[str, Any]:
+        """The arguments by name, for JSON and `of`."""
+        return asdict(self)
+
+    def applied(self, options: Options) -> Options:
+        """The options with these numbers where the caller left them open."""
+        own = {
+            "keypoint_error_factor": self.error_factor,
+            "keypoint_error_dof": self.error_dof,
+            "probability_coefficients": self.probability_coefficients,
+            "min_probability": self.min_probability,
+        }
+        return replace(
+            options, **{name: value for name, value in own.items() if getattr(options, name) is None}
+        )

@@ -1,0 +1,105 @@
+//! The other reading of an object: the same keypoints taken for a vehicle that faces another way.
+
+use nalgebra::{Matrix6, Vector3};
+
+use crate::estimate::refine::RunnerUp;
+use crate::geometry::math::{atan2, cos};
+use crate::geometry::pose::Pose;
+use crate::model::observation::VIEWING_ANGLES;
+use crate::model::shape_model::{MAX_MODES, ShapeModel};
+use crate::refine::covariance::PoseCovariance;
+use crate::refine::normal::State;
+use crate::tuning::LEAST_ALTERNATIVE;
+
+/// The best pose that faces another way, where it is not too improbable.
+///
+/// ```
+/// use groundpose::{Alternative, Pose};
+///
+/// // The more probable of the two readings is the estimate's own pose.
+/// fn likelier<'a>(pose: &'a Pose, probability: f64, other: Option<&'a Alternative>) -> &'a Pose {
+///     other.filter(|other| other.probability > probability).map_or(pose, |other| &other.pose)
+/// }
+/// let pose = Pose { r: nalgebra::Matrix3::identity(), t: [0.0, 1.5, 20.0].into() };
+/// assert_eq!(likelier(&pose, 0.9, None), &pose);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Alternative {
+    /// `camera_from_object`.
+    pub pose: Pose,
+    /// Yaw about the ground's normal, radians.
+    pub yaw: f64,
+    /// Shape coefficients, as many as the model has modes; the rest zero.
+    pub shape_coefficients: [f64; MAX_MODES],
+    /// Covariance of the pose, if asked for.
+    pub covariance: Option<PoseCovariance>,
+    /// Probability that this pose is right and the estimate's is not.
+    pub probability: f64,
+}
+
+/// How another reading is come by.
+pub(crate) enum Source {
+    /// The search met it: a pose of its own, with the keypoints as inliers.
+    Found(State),
+    /// The network doubts the side from which the object is seen: the pose turned round in its place.
+    Turned(State),
+}
+
+/// The other reading, where its probability is worth telling: `other` against `this`, `right` that the estimate is right.
+pub(crate) fn probability(other: f64, this: f64, right: f64) -> Option<f64> {
+    let probability = (right * other / this.max(f64::MIN_POSITIVE)).min(1.0 - right);
+    (probability > LEAST_ALTERNATIVE).then_some(probability)
+}
+
+impl Source {
+    /// A pose that the search met if it faces the half turned away, or else the pose turned round.
+    pub(crate) fn away(state: &State, runner_up: Option<&RunnerUp>, model: &ShapeModel) -> Self {
+        match runner_up {
+            Some(other) if other.state.pose.forward_cosine(&state.pose) < 0.0 => Self::Found(other.state),
+            _ => Self::Turned(turned(state, model)),
+        }
+    }
+}
+
+/// Turned by half a turn about the vertical through the middle of the 3D box.
+fn turned(state: &State, model: &ShapeModel) -> State {
+    let middle = middle(state, model);
+    let Pose { r, t } = state.pose;
+    let mut turned = r;
+    for axis in [0, 2] {
+        turned.column_mut(axis).neg_mut();
+    }
+    State { pose: Pose { r: turned, t: t + r * middle - turned * middle }, ..*state }
+}
+
+/// The covariance of a pose turned round by [`turned`] from that of the pose: its middle and its rotation err alike.
+pub(crate) fn turned_covariance(
+    covariance: &PoseCovariance,
+    from: &State,
+    to: &State,
+    model: &ShapeModel,
+) -> PoseCovariance {
+    let middle = middle(from, model);
+    // A rotation vector w moves the middle by w x (R m) and the origin by w x (R m) - w x (R' m), besides the translation.
+    let lever: Vector3<f64> = from.pose.r * middle - to.pose.r * middle;
+    let mut jacobian = Matrix6::identity();
+    jacobian.fixed_view_mut::<3, 3>(3, 0).copy_from(&(-lever).cross_matrix());
+    jacobian * covariance * jacobian.transpose()
+}
+
+fn middle(state: &State, model: &ShapeModel) -> Vector3<f64> {
+    let [min, max] = model.bbox_3d_of(&state.coefficients);
+    Vector3::from(core::array::from_fn(|axis| 0.5 * (min[axis] + max[axis])))
+}
+
+/// Probability of the viewing angles in the half turned away from a pose.
+pub(crate) fn turned_probability(angles: &[f64; VIEWING_ANGLES], state: &State, model: &ShapeModel) -> f64 {
+    let Pose { r, .. } = state.pose;
+    let [min, max] = model.bbox_3d_of(&state.coefficients);
+    let bottom = state.pose.transform([0.5 * (min[0] + max[0]), max[1], 0.5 * (min[2] + max[2])]);
+    let rotation_y = atan2(r[(0, 2)], r[(2, 2)]) - core::f64::consts::FRAC_PI_2;
+    let alpha = rotation_y - atan2(bottom.x, bottom.z);
+    let bin = 2.0 * core::f64::consts::PI / VIEWING_ANGLES as f64;
+    let is_away = |b: usize| cos(b as f64 * bin - alpha) < 0.0;
+    angles.iter().enumerate().filter(|&(b, _)| is_away(b)).map(|(_, p)| p).sum()
+}
