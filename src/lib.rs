@@ -118,7 +118,7 @@ pub use geometry::pose::Pose;
 pub use geometry::view::{Tilt, View};
 pub use model::observation::{Observation, VIEWING_ANGLES};
 pub use model::shape_model::{MAX_MODES, ShapeModel};
-pub use refine::covariance::{PoseCovariance, ShapeCovariance};
+pub use refine::covariance::{PoseCovariance, ShapeCovariance, ShapePoseCovariance};
 pub use refine::kernels::Kernel;
 pub use refine::region::region_radius2;
 pub use refine::schedule::{MAX_STAGES, Refinement, StageStatistics};

@@ -18,9 +18,12 @@ __all__ = [
     "Options",
     "View",
     "build_info",
+    "check_frame_priors",
+    "default_frame_priors",
     "default_options",
     "estimate_batch",
     "region_radius2",
+    "solve_frame",
     "solve_p1p",
     "solve_p1p_height",
     "solve_p3p",
@@ -122,6 +125,18 @@ def estimate_batch(
     viewing_angle_probabilities: _Floats | None = None,
 ) -> dict[str, Any]: ...
 def region_radius2(level: float, dimensions: int, dof: float) -> float: ...
+def default_frame_priors() -> dict[str, float]: ...
+def check_frame_priors(sigmas: tuple[float, ...], scales: _Floats) -> None: ...
+def solve_frame(
+    view: View,
+    sigmas: tuple[float, ...],
+    scales: _Floats,
+    classes: list[int],
+    bottom_centres: _Floats,
+    rotations: _Floats,
+    translations: _Floats,
+    covariances: _Floats,
+) -> dict[str, Any]: ...
 def solve_p1p(
     view: View,
     model: Model,

@@ -21,6 +21,7 @@ from groundpose._checks import (
     shaped,
     type_error,
 )
+from groundpose.frame import FramePriors, check_frame, estimate_frame
 from groundpose.options import Options
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
@@ -53,6 +54,7 @@ def estimate_poses(
     frame_tilt_sigma: float | None = None,
     vehicle_probability: ArrayLike | None = None,
     viewing_angle_probabilities: ArrayLike | None = None,
+    frame: FramePriors | None = None,
 ) -> PoseBatch:
     """The pose (and shape) of every object of one image.
 
@@ -74,6 +76,10 @@ def estimate_poses(
         vehicle_probability: (N,) that there is a vehicle at all, as a network says it; NaN, None: not said.
         viewing_angle_probabilities: (N, 16) of the angle from which a network sees the object, KITTI's alpha,
             bin b centred on b * 22.5 degrees; they give `ambiguity` and `alternatives`. NaN, None: not said.
+        frame: what is known of tilt, height, road and sizes. All objects then stand on one road: poses, sizes
+            and covariances are those of the whole frame, `models` have the estimated sizes and `view` is an
+            `EstimatedView`; residuals and what follows from them stay those of the objects alone. None: every
+            object alone.
 
     Returns:
         N answers, in order. An object without an answer has a `status` that says why, and NaN; its
@@ -89,6 +95,11 @@ def estimate_poses(
         raise type_error("view", "a View", view)
     if not isinstance(options, Options):
         raise type_error("options", "Options", options)
+    if frame is not None:
+        check_frame(frame, frame_tilt_sigma, options.covariance)
+        given = (keypoints_2d, bboxes, frame.sized(models), keypoint_scores, options, threads, None)
+        said = (vehicle_probability, viewing_angle_probabilities)
+        return estimate_frame(view, frame, lambda seen: estimate_poses(seen, *given, *said))
     keypoints, lengths = _keypoints(keypoints_2d, models)
     count, width = keypoints.shape[:2]
     each = _models(models, count)

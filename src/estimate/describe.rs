@@ -10,7 +10,7 @@ use crate::estimate::verify::Verified;
 use crate::geometry::math::{exp, sqrt, square};
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
-use crate::refine::covariance::{PoseCovariance, ShapeCovariance, covariance};
+use crate::refine::covariance::{Covariances, PoseCovariance, ShapeCovariance, ShapePoseCovariance, covariance};
 use crate::refine::normal::State;
 use crate::refine::objective::Objective;
 use crate::refine::schedule::{MAX_STAGES, StageStatistics};
@@ -69,6 +69,8 @@ pub struct Estimate {
     pub covariance: Option<PoseCovariance>,
     /// Covariance of the shape coefficients, if asked for.
     pub shape_covariance: Option<ShapeCovariance>,
+    /// Covariance of the shape coefficients with the pose, if asked for.
+    pub shape_pose_covariance: Option<ShapePoseCovariance>,
     /// With viewing angles of a network: probability that the object faces the other half of them. Else relative
     /// likelihood, 0 to 1, of the best pose that faces another way: near 1, it could be either.
     pub ambiguity: f64,
@@ -142,6 +144,7 @@ pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory
         noise_sigma: noise.sigma,
         covariance: covariances.map(|c| c.0),
         shape_covariance: covariances.map(|c| c.1),
+        shape_pose_covariance: covariances.map(|c| c.2),
         ambiguity,
         probability,
         evidence,
@@ -232,7 +235,7 @@ impl Doubt {
         state: &State,
         right: f64,
         own: Option<&PoseCovariance>,
-        uncertainty: &mut impl FnMut(&State) -> Option<(PoseCovariance, ShapeCovariance)>,
+        uncertainty: &mut impl FnMut(&State) -> Option<Covariances>,
     ) -> Option<Alternative> {
         let (source, [other, this]) = self.other?;
         let probability = alternative::probability(other, this, right)?;

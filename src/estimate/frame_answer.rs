@@ -23,8 +23,8 @@ pub struct FrameAnswer {
     pub pose: Pose,
     /// Of the pose, what is not known of the frame and of the object's size included.
     pub covariance: PoseCovariance,
-    /// Of the pose by the log size.
-    pub size_covariance: SVector<f64, 6>,
+    /// Of `moved` and `log_size`.
+    pub moved_covariance: SMatrix<f64, 7, 7>,
     /// Logarithm of the object's size in sizes of its model.
     pub log_size: f64,
     /// Its standard deviation.
@@ -42,7 +42,7 @@ impl Default for FrameAnswer {
         Self {
             pose,
             covariance: PoseCovariance::zeros(),
-            size_covariance: SVector::zeros(),
+            moved_covariance: SMatrix::zeros(),
             log_size: 0.0,
             log_size_sigma: 0.0,
             moved: SVector::zeros(),
@@ -79,7 +79,7 @@ impl FrameAnswer {
         }
         let covariance = by_unknowns * joint * by_unknowns.transpose();
         self.covariance = (covariance + covariance.transpose()) * 0.5;
-        self.size_covariance = by_unknowns * joint.column(6);
+        self.moved_covariance = joint;
         self.log_size_sigma = sqrt(joint[(6, 6)].max(0.0));
     }
 

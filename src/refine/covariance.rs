@@ -45,15 +45,26 @@ pub type PoseCovariance = SMatrix<f64, 6, 6>;
 /// assert_eq!(ShapeCovariance::zeros().nrows(), MAX_MODES);
 /// ```
 pub type ShapeCovariance = SMatrix<f64, MAX_MODES, MAX_MODES>;
+/// Covariance of the shape coefficients (leading rows) with the pose (columns): when the pose moves, so does the shape.
+///
+/// ```
+/// use groundpose::{MAX_MODES, ShapePoseCovariance};
+///
+/// assert_eq!(ShapePoseCovariance::zeros().shape(), (MAX_MODES, 6));
+/// ```
+pub type ShapePoseCovariance = SMatrix<f64, MAX_MODES, 6>;
 
-/// Covariances of pose and shape, when the noise of a coordinate is that of the objective's priors and the keypoints'
+/// Covariances of a pose and a shape, and between them.
+pub(crate) type Covariances = (PoseCovariance, ShapeCovariance, ShapePoseCovariance);
+
+/// The covariances when the noise of a coordinate is that of the objective's priors and the keypoints'
 /// part is larger by `error_factor`; `None` when the inliers leave a direction free.
 pub(crate) fn covariance(
     objective: &mut Objective,
     state: &State,
     inlier_threshold: f64,
     error_factor: f64,
-) -> Option<(PoseCovariance, ShapeCovariance)> {
+) -> Option<Covariances> {
     objective.keypoints.activate_within(state, inlier_threshold);
     match padded_modes(objective.keypoints.model.eigenvalues().len()) {
         0 => inverse::<6>(objective, state, error_factor),
@@ -62,16 +73,13 @@ pub(crate) fn covariance(
     }
 }
 
-fn inverse<const D: usize>(
-    objective: &mut Objective,
-    state: &State,
-    error_factor: f64,
-) -> Option<(PoseCovariance, ShapeCovariance)> {
+fn inverse<const D: usize>(objective: &mut Objective, state: &State, error_factor: f64) -> Option<Covariances> {
     let mut normal = Normal::<D>::ZERO;
     objective.linearise(state, Kernel::LeastSquares, &mut normal);
     cholesky(&mut normal.h)?;
     let priors = (error_factor != 1.0).then(|| objective.priors_alone::<D>(state));
     let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
+    let mut between = ShapePoseCovariance::zeros();
     let modes = objective.keypoints.model.eigenvalues().len();
     for column in 0..6 + modes {
         let mut x = [0.0; D];
@@ -89,11 +97,14 @@ fn inverse<const D: usize>(
         }
         if column < 6 {
             pose.column_mut(column).copy_from_slice(&x[..6]);
+            for m in 0..modes {
+                between[(m, column)] = x[6 + m];
+            }
         } else {
             for m in 0..modes {
                 shape[(m, column - 6)] = x[6 + m];
             }
         }
     }
-    Some((pose, shape))
+    Some((pose, shape, between))
 }

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray, input_error, integer, number, shaped, type_error
 from groundpose.estimate import estimate_poses
 from groundpose.formats.detections import bboxes_of
+from groundpose.frame import FramePriors
 from groundpose.keypoints.codec import ByteArray, usable
 from groundpose.keypoints.decode import Detections
 from groundpose.keypoints.image import Picture, as_rgb
@@ -154,7 +155,12 @@ class Pipeline:
                 )
 
     def __call__(
-        self, image: Picture, bboxes: object, view: View, frame_tilt_sigma: float | None = None
+        self,
+        image: Picture,
+        bboxes: object,
+        view: View,
+        frame_tilt_sigma: float | None = None,
+        frame: FramePriors | None = None,
     ) -> VehiclePoses:
         """Poses of the vehicles in boxes of an image.
 
@@ -165,7 +171,7 @@ class Pipeline:
                 `groundpose.formats.detections`. A box without area, outside the image or not finite, or
                 without a vehicle gives an object without an answer, and nothing of the others is lost.
             view: camera and tilt. A camera without `image_size` is taken to have the image's.
-            frame_tilt_sigma: see `estimate_poses`.
+            frame_tilt_sigma, frame: see `estimate_poses`.
 
         Raises:
             InputError: an image or boxes that cannot be, an image of another size than the camera's.
@@ -187,6 +193,7 @@ class Pipeline:
             frame_tilt_sigma=frame_tilt_sigma,
             vehicle_probability=found.vehicle_probability,
             viewing_angle_probabilities=found.viewing_angle_probabilities,
+            frame=frame,
         )
         watch.lap("solve")
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)
