@@ -106,7 +106,7 @@ pub use estimate::frame_object::FrameObject;
 pub use estimate::frame_priors::{FramePriors, MAX_CLASSES, ScalePrior};
 pub use estimate::frame_tilt::{FrameTilt, UpAxis, frame_tilt};
 pub use estimate::options::{Options, Solver};
-pub use estimate::probability::{EVIDENCE, Evidence};
+pub use estimate::probability::{EVIDENCE, Evidence, ProbabilityCoefficients};
 #[cfg(feature = "std")]
 pub use estimate::workspace::GrowingWorkspace;
 pub use estimate::workspace::{Buffers, FixedWorkspace, Workspace};

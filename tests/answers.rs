@@ -25,7 +25,7 @@ fn groups() -> [Group; 19] {
     let solver = |solver| Options { solver, max_iterations: 200, ..ours };
     let refinement = |refinement| Options { refinement, ..ours };
     [
-        group("cubes", 700, cube, ours, 0xD3E1_62B7_B8CC_C037),
+        group("cubes", 700, cube, ours, 0x0F5D_6ECC_107B_C540),
         group("vehicles", 2000, vehicle, ours, 0xA9AA_27DD_81BE_0B11),
         group("scores", 1000, scored, ours, 0x19AB_22B7_9F3F_43FE),
         group("shape modes", 1500, shaped, ours, 0x5734_3FF3_EE7C_839D),

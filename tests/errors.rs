@@ -152,6 +152,10 @@ fn options() {
         (with(|o| o.max_iterations = 0), "max_iterations", "0"),
         (with(|o| o.min_keypoints = 2), "min_keypoints", "2"),
         (with(|o| o.max_log10_nfa = NAN), "max_log10_nfa", "NaN"),
+        (with(|o| o.keypoint_error_factor = Some(0.9)), "keypoint_error_factor", "0.9"),
+        (with(|o| o.keypoint_error_dof = Some(2.0)), "keypoint_error_dof", "2"),
+        (with(|o| o.probability_coefficients = Some([NAN; 7])), "probability_coefficients", "NaN"),
+        (with(|o| o.min_probability = Some(1.1)), "min_probability", "1.1"),
     ]);
 }
 
@@ -208,6 +212,7 @@ fn every_reason_for_no_pose_is_reached() {
         ("P1P without a box", NoPose::NoHypothesis, reason(|c| c.bbox = None, p1p)),
         ("a box elsewhere", NoPose::NoHypothesis, reason(|c| c.bbox = Some([-9e5, 0.0, -8.99e5, 9.0]), p1p)),
         ("keypoints anywhere", NoPose::NoConsensus, reason(noise, default)),
+        ("asked to be certain", NoPose::Improbable, reason(|_| (), Options { min_probability: Some(1.0), ..default })),
         ("asked too much", NoPose::NoConsensus, reason(|_| (), Options { max_log10_nfa: -1e9, ..default })),
     ];
     let mut reached = BTreeSet::new();

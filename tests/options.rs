@@ -46,6 +46,10 @@ fn every_option_has_an_effect() {
         max_iterations: _,
         min_keypoints: _,
         max_log10_nfa: _,
+        keypoint_error_factor: _,
+        keypoint_error_dof: _,
+        probability_coefficients: _,
+        min_probability: _,
         score_weights: _,
         seed: _,
     } = default;
@@ -71,12 +75,17 @@ fn every_option_has_an_effect() {
         ("max_iterations", default, Options { max_iterations: 2, ..default }),
         ("min_keypoints", default, Options { min_keypoints: 25, ..default }),
         ("max_log10_nfa", default, Options { max_log10_nfa: -8.0, ..default }),
+        ("keypoint_error_factor", default, Options { keypoint_error_factor: Some(9.0), ..default }),
+        ("probability_coefficients", default, Options { probability_coefficients: Some([1.0; 7]), ..default }),
+        ("min_probability", default, Options { min_probability: Some(1.0), ..default }),
         ("score_weights", default, Options { score_weights: false, ..default }),
         ("seed", p3p, p3p.with_seed(1)),
     ];
     for (name, before, after) in pairs {
         assert_ne!(answers(before), answers(after), "{name}");
     }
+    let heavy = Options { keypoint_error_dof: Some(5.0), ..default };
+    assert_ne!(heavy.region_radius2(0.95, 6), default.region_radius2(0.95, 6), "keypoint_error_dof");
 }
 
 /// Infinite: the paper's six degrees of freedom; zero: an upright object.

@@ -145,6 +145,10 @@ fn odd_options(random: &mut Random) -> Options {
         max_iterations: pick(random, &[1, 2, 20, 50]),
         min_keypoints: pick(random, &[3, 4, 4, 6]),
         max_log10_nfa: pick(random, &[1.0, -3.0, f64::INFINITY, f64::NEG_INFINITY]),
+        keypoint_error_factor: pick(random, &[None, Some(1.0), Some(15.0), Some(1e6)]),
+        keypoint_error_dof: pick(random, &[None, Some(5.0)]),
+        probability_coefficients: pick(random, &[None, Some([0.0; 7]), Some([-1e300; 7])]),
+        min_probability: pick(random, &[None, Some(0.0), Some(0.5), Some(1.0)]),
         score_weights: flip(random),
         seed: random.next(),
     }

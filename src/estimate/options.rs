@@ -1,7 +1,7 @@
 //! Options: every default in one place, checked once.
 
 use crate::error::{Got, InputError, require};
-use crate::estimate::probability::EVIDENCE;
+use crate::estimate::probability::ProbabilityCoefficients;
 use crate::minimal::p1p::Cases;
 use crate::refine::region::region_radius2;
 use crate::refine::schedule::Refinement;
@@ -51,7 +51,7 @@ impl Solver {
 /// How poses are estimated. `Options::default()` is the place of every default.
 ///
 /// ```
-/// use groundpose::{Options, Refinement, Solver};
+/// use groundpose::{EVIDENCE, Options, Refinement, Solver};
 ///
 /// // The paper's method with its thresholds in pixels.
 /// let paper = Options {
@@ -68,11 +68,18 @@ impl Solver {
 /// let ours = Options::default().with_seed(1);
 /// assert_eq!(ours.effective_tilt_sigma(), Options::OBJECT_TILT_SIGMA);
 /// assert_eq!((ours.effective_bbox_sigma(4.0), ours.effective_shape_prior()), (8.0, true));
+/// // Keypoints of the caller err independently; those of a network do not, and have heavy tails.
+/// let (factor, coefficients) = (ours.effective_keypoint_error_factor(), ours.effective_probability_coefficients());
+/// assert_eq!((factor, coefficients.len()), (1.0, 1 + EVIDENCE));
+/// let network = Options { keypoint_error_factor: Some(15.0), keypoint_error_dof: Some(5.6), min_probability: Some(0.5), ..ours };
+/// assert_eq!((network.effective_keypoint_error_factor(), network.effective_min_probability()), (15.0, 0.5));
+/// assert!(network.region_radius2(0.95, 6)? > ours.region_radius2(0.95, 6)?);
 /// // For the tilt of a frame the poses must be free.
 /// assert_eq!(ours.without_tilt().effective_tilt_sigma(), f64::INFINITY);
 ///
 /// let error = Options { confidence: 99.0, ..paper }.check().unwrap_err();
 /// assert_eq!(error.to_string(), "confidence: expected a probability between 0 and 1, got 99");
+/// # Ok::<(), groundpose::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
@@ -120,7 +127,7 @@ pub struct Options {
     pub keypoint_error_dof: Option<f64>,
     /// Coefficients of the probability that an answer is right: a bias, and one for each number of
     /// [`crate::estimate::probability::Evidence`]. `None`: those for keypoints of the caller.
-    pub probability_coefficients: Option<[f64; 1 + EVIDENCE]>,
+    pub probability_coefficients: Option<ProbabilityCoefficients>,
     /// Least probability of an answer; 0: never refuse. `None`: that for keypoints of the caller.
     pub min_probability: Option<f64>,
     /// Whether keypoint scores weigh the residuals (they always order the draws).
@@ -217,7 +224,7 @@ impl Options {
 
     /// The coefficients that apply.
     #[must_use]
-    pub fn effective_probability_coefficients(&self) -> [f64; 1 + EVIDENCE] {
+    pub fn effective_probability_coefficients(&self) -> ProbabilityCoefficients {
         self.probability_coefficients.unwrap_or(CALLERS_PROBABILITY)
     }
 

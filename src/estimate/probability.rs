@@ -15,6 +15,10 @@ use crate::tuning::{
 };
 
 /// How many numbers [`Evidence`] has.
+///
+/// ```
+/// assert_eq!(groundpose::EVIDENCE, 6);
+/// ```
 pub const EVIDENCE: usize = 6;
 
 /// What speaks for an answer and against it: score level, misfit of the box, noise, false alarms, vehicle, ambiguity.
@@ -35,6 +39,17 @@ pub const EVIDENCE: usize = 6;
 /// assert_eq!(evidence.len(), EVIDENCE);
 /// ```
 pub type Evidence = [f64; EVIDENCE];
+
+/// Coefficients of the model: a bias, and one for each number of [`Evidence`].
+///
+/// ```
+/// use groundpose::{EVIDENCE, Options, ProbabilityCoefficients};
+///
+/// // Every answer is as likely right as wrong.
+/// let ignorant: ProbabilityCoefficients = [0.0; 1 + EVIDENCE];
+/// assert!(Options { probability_coefficients: Some(ignorant), ..Options::default() }.check().is_ok());
+/// ```
+pub type ProbabilityCoefficients = [f64; 7];
 
 /// What the evidence is made of.
 pub(crate) struct Facts<'a> {
@@ -96,7 +111,7 @@ impl Facts<'_> {
 }
 
 /// `1 / (1 + exp(-c . (1, evidence)))`.
-pub(crate) fn probability(coefficients: &[f64; 1 + EVIDENCE], evidence: &Evidence) -> f64 {
+pub(crate) fn probability(coefficients: &ProbabilityCoefficients, evidence: &Evidence) -> f64 {
     let [bias, each @ ..] = coefficients;
     let logit = bias + each.iter().zip(evidence).map(|(c, e)| c * e).sum::<f64>();
     1.0 / (1.0 + exp(-logit))

@@ -7,7 +7,7 @@ use crate::model::shape_model::ShapeModel;
 /// Keypoints, scores and box of one object in one image.
 ///
 /// ```
-/// use groundpose::{Bbox, Observation, ShapeModel};
+/// use groundpose::{Bbox, Observation, ShapeModel, VIEWING_ANGLES};
 ///
 /// let points = [[-0.8, -0.3, 1.35], [0.8, -0.3, 1.35], [0.5, -1.4, -1.3]];
 /// let model = ShapeModel::rigid(&points, [[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2]])?;
@@ -23,6 +23,11 @@ use crate::model::shape_model::ShapeModel;
 /// assert_eq!(observation.model().keypoint_count(), 3);
 /// assert_eq!(observation.inlier_threshold(), None);
 /// assert_eq!(observation.with_inlier_threshold(4.0)?.inlier_threshold(), Some(4.0));
+///
+/// // What a network says besides: that it is a vehicle, and from which side it sees it.
+/// let seen_from = [1.0 / VIEWING_ANGLES as f64; VIEWING_ANGLES];
+/// let observation = observation.with_vehicle_probability(0.97)?.with_viewing_angles(&seen_from)?;
+/// assert_eq!((observation.vehicle_probability(), observation.viewing_angles()), (Some(0.97), Some(&seen_from)));
 /// # Ok::<(), groundpose::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -41,6 +46,14 @@ const ROUNDING: f64 = 1e-6;
 
 /// Bins of the viewing angle, the angle from which the camera sees an object: KITTI's alpha,
 /// `rotation_y - atan2(x, z)`, bin b centred on `b * 2 pi / 16`.
+///
+/// ```
+/// use groundpose::VIEWING_ANGLES;
+///
+/// // A network that sees the rear of a vehicle that drives ahead: alpha = -pi / 2, bin 12.
+/// let mut angles = [0.0; VIEWING_ANGLES];
+/// angles[12] = 1.0;
+/// ```
 pub const VIEWING_ANGLES: usize = 16;
 
 impl<'a> Observation<'a> {

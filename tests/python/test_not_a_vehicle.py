@@ -21,7 +21,10 @@ IMAGE[:, 480:] = 20
 BRIGHT, BESIDE = BOX.tolist(), (BOX - [20.0, 0.0, 20.0, 0.0]).tolist()
 DARK, OUTSIDE = [500.0, 100.0, 600.0, 180.0], [900.0, 0.0, 950.0, 40.0]
 BOXES = [BRIGHT, DARK, OUTSIDE, BESIDE]
-_NOT_BY_OBJECT = {"view", "models", "seconds", "tilt_covariance"}
+_NOT_BY_OBJECT = {"view", "models", "seconds", "tilt_covariance", "error_dof"}
+SAID = ("vehicle_probability", "viewing_angle_probabilities")
+FROM_WHAT_IS_SAID = ("evidence", "probability", "ambiguity")
+FROM_WHAT_IS_SAID += tuple(f"alternative_{name}" for name in ("R", "t", "yaw", "covariance", "probability"))
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +77,7 @@ def test_version_1_answers_as_before_and_takes_all_boxes_for_vehicles(tmp_path, 
     assert np.isnan(found.viewing_angle).all()
     one = Pipeline(first, threads=1, vehicle_threshold=1.0)(IMAGE, BOXES, VIEW)
     two = Pipeline(path, threads=1, vehicle_threshold=0.0)(IMAGE, BOXES, VIEW)
-    same(one, two, but=("vehicle_probability", "viewing_angle_probabilities"))
+    same(one, two, but=(*SAID, *FROM_WHAT_IS_SAID))
     np.testing.assert_array_equal(one.vehicle_probability, [1.0, 1.0, np.nan, 1.0])
 
 

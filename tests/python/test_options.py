@@ -146,6 +146,26 @@ def see_max_log10_nfa():
         assert set(poses.status[~poses.ok]) <= {"no_consensus", "no_hypothesis"}
 
 
+def see_keypoint_error_factor():
+    narrow, wide = RIGID.estimate(), RIGID.estimate(keypoint_error_factor=15.0)
+    assert (wide.covariance[wide.ok, 5, 5] > narrow.covariance[wide.ok, 5, 5]).all()
+
+
+def see_keypoint_error_dof():
+    assert RIGID.estimate(keypoint_error_dof=5.0).region() > RIGID.estimate().region()
+
+
+def see_probability_coefficients():
+    certain = RIGID.estimate(probability_coefficients=(9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    np.testing.assert_allclose(certain.probability[certain.ok], 1.0 / (1.0 + np.exp(-9.0)))
+
+
+def see_min_probability():
+    assert set(RIGID.estimate(min_probability=1.0).status) == {"improbable"}
+    probable = RIGID.estimate(min_probability=0.6)
+    assert (probable.probability[probable.ok] >= 0.6).all()
+
+
 def see_score_weights():
     weighed, unweighed = RIGID.estimate(SCORES), RIGID.estimate(SCORES, score_weights=False)
     assert differ(weighed, unweighed)
