@@ -97,9 +97,9 @@ def estimate_poses(
         raise type_error("options", "Options", options)
     if frame is not None:
         check_frame(frame, frame_tilt_sigma, options.covariance)
-        given = (keypoints_2d, bboxes, frame.sized(models), keypoint_scores, options, threads, None)
-        said = (vehicle_probability, viewing_angle_probabilities)
-        return estimate_frame(view, frame, lambda seen: estimate_poses(seen, *given, *said))
+        objects = (keypoints_2d, bboxes, frame.sized(models), keypoint_scores)
+        settings = (options, threads, None, vehicle_probability, viewing_angle_probabilities)
+        return estimate_frame(view, frame, lambda seen: estimate_poses(seen, *objects, *settings))
     keypoints, lengths = _keypoints(keypoints_2d, models)
     count, width = keypoints.shape[:2]
     each = _models(models, count)

@@ -22,6 +22,8 @@ _SIGMAS = ("pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope")
 
 FAR_TILT = np.radians(1.0)
 """Radians; objects are estimated again when the frame's tilt is farther than this from the nominal one."""
+CONFLICT = 2.0
+"""Standard deviations between the nominal height and the vehicles from which there is a remark."""
 MOST_DEVIATION = 3.0
 """Shapes that follow their pose stay within so many standard deviations of the mean."""
 
@@ -87,6 +89,15 @@ class EstimatedView(View):
     class_scales: dict[str, tuple[float, float]] = field(default_factory=dict, compare=False)
     agreeing: float = 0.0
     height_conflict: float = np.nan
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What looks wrong in the nominal view."""
+        if not abs(self.height_conflict) > CONFLICT:
+            return ()
+        where = "higher" if self.height_conflict > 0.0 else "lower"
+        by = f"{abs(self.height_conflict):.1f} standard deviations"
+        return (f"height: the vehicles say that the camera is {where}, by {by}",)
 
 
 @dataclass(frozen=True)
@@ -220,7 +231,7 @@ def check_frame(frame: object, frame_tilt_sigma: float | None, covariance: bool)
     if not isinstance(frame, FramePriors):
         raise type_error("frame", "FramePriors", frame)
     if frame_tilt_sigma is not None:
-        raise input_error("frame_tilt_sigma", "None with `frame`, which has a pitch and a roll", frame_tilt_sigma)
+        raise input_error("frame_tilt_sigma", "None with `frame`, which has its own", frame_tilt_sigma)
     if not covariance:
         raise input_error("options.covariance", "True with `frame`", covariance)
     return frame

@@ -198,7 +198,7 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
 
     @property
     def size(self) -> FloatArray:
-        """(N, 3) metres, length, height and width of the estimated shapes' 3D boxes; NaN without an answer."""
+        """(N, 3) metres, length, height, width of the estimated shapes' 3D boxes; NaN without an answer."""
         return self._sizes()[0]
 
     @property
@@ -221,17 +221,22 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         return size, np.maximum(variance, 0.0)
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What looks wrong in what was given, in words; empty when nothing does."""
+        return self.view.remarks
+
+    @property
     def position(self) -> FloatArray:
-        """(N, 3) metres, the middle of each bottom face in the ground frame of `view`: right, down, forward of
-        the camera; NaN without an answer."""
+        """(N, 3) metres, the middle of each bottom face in the ground frame of `view`: right, down and
+        forward of the camera; NaN without an answer."""
         middles = np.array([model.bottom_centre for model in self.models]).reshape(-1, 3, 1)
         places = (self.R @ middles)[..., 0] + self.t
         return np.asarray(places @ self.view.R_camera_from_ground)
 
     @property
     def heading(self) -> FloatArray:
-        """(N,) radians, direction of each object in the ground frame of `view`: 0 = away from the camera, pi / 2 =
-        to the right."""
+        """(N,) radians, direction of each object in the ground frame of `view`: 0 = away from the camera,
+        pi / 2 = to the right."""
         ahead = self.R[:, :, 2] @ self.view.R_camera_from_ground
         return np.asarray(np.arctan2(ahead[:, 0], ahead[:, 2]))
 
