@@ -6,8 +6,6 @@
 
 use core::f64::consts::PI;
 
-use crate::estimate::probability::ProbabilityCoefficients;
-
 // The inlier threshold, from which most lengths in pixels follow.
 
 /// Inlier threshold relative to the longer side of the 2D box (paper, sec. 4.2.4).
@@ -146,7 +144,7 @@ pub(crate) const AMBIGUITY_LIMITS: [f64; 2] = [0.001, 0.999];
 pub(crate) const FALSE_ALARM_LIMITS: [f64; 2] = [-40.0, 10.0];
 pub(crate) const VEHICLE_LOGIT_LIMIT: f64 = 7.0;
 /// For keypoints of the caller: bias, score level, misfit, noise, false alarms, vehicle, ambiguity.
-pub(crate) const CALLERS_PROBABILITY: ProbabilityCoefficients = [2.45, 1.10, -0.32, -1.49, 0.0, 0.0, 0.0];
+pub(crate) const CALLERS_PROBABILITY: [f64; 7] = [2.45, 1.10, -0.32, -1.49, 0.0, 0.0, 0.0];
 /// Least probability of an answer to keypoints of the caller.
 pub(crate) const MIN_PROBABILITY: f64 = 0.0;
 /// Probability from which another reading is told.

@@ -99,6 +99,7 @@ pub fn with_objects<R>(setting: &Setting, f: impl FnOnce(&Objects) -> R) -> R {
 }
 
 /// The work done on one object.
+#[expect(clippy::large_enum_variant, reason = "one of each bench")]
 pub enum Work {
     /// P1P of every keypoint, nothing scored.
     P1p,

@@ -98,8 +98,10 @@ def estimate_poses(
     if frame is not None:
         check_frame(frame, frame_tilt_sigma, options.covariance)
         objects = (keypoints_2d, bboxes, frame.sized(models), keypoint_scores)
-        settings = (options, threads, None, vehicle_probability, viewing_angle_probabilities)
-        return estimate_frame(view, frame, lambda seen: estimate_poses(seen, *objects, *settings))
+        said = (vehicle_probability, viewing_angle_probabilities)
+        return estimate_frame(
+            view, frame, lambda seen: estimate_poses(seen, *objects, options, threads, None, *said)
+        )
     keypoints, lengths = _keypoints(keypoints_2d, models)
     count, width = keypoints.shape[:2]
     each = _models(models, count)
@@ -126,7 +128,9 @@ def estimate_poses(
         out[name] = words[out[name]]
     given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
     given["error_dof"] = np.inf if options.keypoint_error_dof is None else options.keypoint_error_dof
-    return PoseBatch._of(given | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
+    return PoseBatch._of(
+        given | {"tilt_covariance": _NO_COVARIANCE.copy(), "scale_covariance": None} | out | {"ok": ok}
+    )
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:

@@ -196,7 +196,7 @@ def _shapes(rows: _Rows, solved: dict[str, Any]) -> dict[str, FloatArray]:
 def _follows(rows: _Rows) -> FloatArray:
     """(n, M, 6) how shapes follow their poses: `cov(shape, pose) cov(pose)^-1` of the objects alone."""
     between = rows.poses.shape_pose_covariance[rows.at].transpose(0, 2, 1)
-    return np.linalg.solve(rows.poses.covariance[rows.at], between).transpose(0, 2, 1)
+    return np.asarray(np.linalg.solve(rows.poses.covariance[rows.at], between).transpose(0, 2, 1))
 
 
 def _scale_covariance(rows: _Rows, solved: dict[str, Any]) -> FloatArray:

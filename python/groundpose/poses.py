@@ -75,14 +75,14 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     the lower, the less likely it is an accident."""
     ambiguity: Number = field(metadata=spec())
     """Of a network's keypoints: probability that the object faces the half of the directions turned away from
-    this pose. Of the caller's: 0 to 1, how well a clearly different pose (front and back exchanged, say) explains
-    the keypoints, compared with the pose returned. `alternatives` has that pose."""
+    this pose. Of the caller's: 0 to 1, how well a clearly different pose (front and back exchanged, say)
+    explains the keypoints, compared with the pose returned. `alternatives` has that pose."""
     probability: Number = field(metadata=spec())
     """Probability that the answer is right: yaw within 15 degrees, distance within 15 %."""
     evidence: FloatArray = field(metadata=spec(_core.EVIDENCE, written=False))
     """(6,) what `probability` follows from, 0 = not known: logit of the mean score (without scores: of the
-    fraction of inliers); log of the misfit between projected and given box against 2 % of its longer side; log of
-    `noise_sigma` against 1 % of it; `log10_nfa` / 10; logit of the probability of a vehicle; logit of
+    fraction of inliers); log of the misfit between projected and given box against 2 % of its longer side; log
+    of `noise_sigma` against 1 % of it; `log10_nfa` / 10; logit of the probability of a vehicle; logit of
     `ambiguity`."""
     confidence: Number = field(metadata=spec())
     """Probability of having drawn a good sample."""
@@ -254,8 +254,9 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     def region(self, level: float = 0.95, dimensions: int = 6) -> float:
         """Squared Mahalanobis distance within which the truth lies with the probability `level`.
 
-        For `dimensions` of an error e with their part C of `covariance` the region is `e @ inv(C) @ e <= region`;
-        of one number it is an interval of `sqrt(region)` standard deviations to either side.
+        For `dimensions` of an error e, with their part C of `covariance`, the region is
+        `e @ inv(C) @ e <= region`; of one number it is an interval of `sqrt(region)` standard deviations to
+        either side.
 
         Raises:
             InputError: a level that is not between 0 and 1, no dimension.

@@ -1,15 +1,17 @@
-//! The other reading of an object: the same keypoints taken for a vehicle that faces another way.
+//! Whether an object could face another way, and the pose that it would have then.
 
 use nalgebra::{Matrix6, Vector3};
 
+use crate::estimate::object::Object;
 use crate::estimate::refine::RunnerUp;
-use crate::geometry::math::{atan2, cos};
+use crate::estimate::verify::Verified;
+use crate::geometry::math::{atan2, cos, exp, square};
 use crate::geometry::pose::Pose;
 use crate::model::observation::VIEWING_ANGLES;
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
-use crate::refine::covariance::PoseCovariance;
+use crate::refine::covariance::{Covariances, PoseCovariance};
 use crate::refine::normal::State;
-use crate::tuning::LEAST_ALTERNATIVE;
+use crate::tuning::{AMBIGUITY_NOISE, LEAST_ALTERNATIVE};
 
 /// The best pose that faces another way, where it is not too improbable.
 ///
@@ -59,6 +61,59 @@ impl Source {
             _ => Self::Turned(turned(state, model)),
         }
     }
+}
+
+/// Whether it could face another way.
+pub(crate) struct Doubt {
+    pub(crate) ambiguity: f64,
+    /// The other reading, and how likely it is against this one.
+    other: Option<(Source, [f64; 2])>,
+}
+
+impl Doubt {
+    /// By the network's viewing angles where there are some, else by the best pose that faces another way.
+    pub(crate) fn of(object: &Object, verified: &Verified) -> Self {
+        let (refined, model) = (&verified.refined, object.observation.model());
+        if let Some(angles) = object.observation.viewing_angles() {
+            let ambiguity = turned_probability(angles, &refined.state, model);
+            let source = Source::away(&refined.state, refined.runner_up.as_ref(), model);
+            return Self { ambiguity, other: Some((source, [ambiguity, 1.0 - ambiguity])) };
+        }
+        let Some(other) = refined.runner_up else { return Self { ambiguity: 0.0, other: None } };
+        let noise_sigma = verified.noise.sigma.max(AMBIGUITY_NOISE * object.inlier_threshold);
+        let ambiguity = relative_likelihood(refined.cost, other.cost, noise_sigma);
+        Self { ambiguity, other: Some((Source::Found(other.state), [ambiguity, 1.0])) }
+    }
+
+    /// The other reading, where it is probable enough, a call of its own as that of the estimate; `right` is the probability that `state` is right, `own` its
+    /// covariance.
+    #[inline(never)]
+    pub(crate) fn alternative(
+        self,
+        object: &Object,
+        state: &State,
+        right: f64,
+        own: Option<&PoseCovariance>,
+        uncertainty: &mut impl FnMut(&State) -> Option<Covariances>,
+    ) -> Option<Alternative> {
+        let (source, [other, this]) = self.other?;
+        let probability = probability(other, this, right)?;
+        let (other, covariance) = match source {
+            Source::Found(other) => (other, own.and_then(|_| uncertainty(&other)).map(|c| c.0)),
+            Source::Turned(other) => {
+                let model = object.observation.model();
+                (other, own.map(|own| turned_covariance(own, state, &other, model)))
+            }
+        };
+        let (pose, shape_coefficients) = (other.pose.orthonormalized(), other.coefficients);
+        let yaw = pose.yaw(object.view);
+        Some(Alternative { pose, yaw, shape_coefficients, covariance, probability })
+    }
+}
+
+/// Likelihood of the runner-up relative to the best, from their costs (pixels squared, halved).
+fn relative_likelihood(best: f64, runner_up: f64, noise_sigma: f64) -> f64 {
+    exp(-(runner_up - best).max(0.0) / square(noise_sigma))
 }
 
 /// Turned by half a turn about the vertical through the middle of the 3D box.

@@ -1,13 +1,13 @@
 //! Last step: everything that is said of the pose returned, from that pose.
 
 use crate::error::NoPose;
-use crate::estimate::alternative::{self, Alternative, Source, turned_covariance, turned_probability};
+use crate::estimate::alternative::{Alternative, Doubt};
 use crate::estimate::object::{Memory, Object};
 use crate::estimate::options::Solver;
 use crate::estimate::probability::{Evidence, Facts, probability};
 use crate::estimate::refine::objective;
 use crate::estimate::verify::Verified;
-use crate::geometry::math::{exp, sqrt, square};
+use crate::geometry::math::{sqrt, square};
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
 use crate::refine::covariance::{Covariances, PoseCovariance, ShapeCovariance, ShapePoseCovariance, covariance};
@@ -17,7 +17,6 @@ use crate::refine::schedule::{MAX_STAGES, StageStatistics};
 use crate::search::ransac::RansacStatistics;
 use crate::search::score::truncated;
 use crate::simd::projection::Measured;
-use crate::tuning::AMBIGUITY_NOISE;
 
 /// The pose and shape of one object. Everything about residuals belongs to the pose returned.
 ///
@@ -114,24 +113,7 @@ pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory
         return Err(NoPose::NoConsensus);
     }
     let score = truncated(object.unit, points, square(threshold));
-    let doubt = Doubt::of(object, verified);
-    let mut objective = objective(object, memory.keypoints.lend(), noise.sigma);
-    let facts = facts(object, verified, &mut objective, visible, doubt.ambiguity);
-    if facts.looks_too_small(&object.usable_bbox) {
-        return Err(NoPose::Improbable);
-    }
-    let evidence = facts.evidence();
-    let probability = probability(&object.options.effective_probability_coefficients(), &evidence);
-    if !(probability >= object.options.effective_min_probability()) {
-        return Err(NoPose::Improbable);
-    }
-    let factor = object.options.effective_keypoint_error_factor();
-    let mut uncertainty = |state: &State| covariance(&mut objective, state, threshold, factor);
-    let covariances =
-        if object.options.covariance { Some(uncertainty(state).ok_or(NoPose::Degenerate)?) } else { None };
-    let own = covariances.as_ref().map(|c| &c.0);
-    let ambiguity = doubt.ambiguity;
-    let alternative = doubt.alternative(object, state, probability, own, &mut uncertainty);
+    let certain = certainty(object, verified, memory)?;
     let estimate = Estimate {
         pose: state.pose,
         yaw: state.pose.yaw(object.view),
@@ -142,13 +124,13 @@ pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory
         score: score / object.weight_sum,
         log10_nfa: *log10_nfa,
         noise_sigma: noise.sigma,
-        covariance: covariances.map(|c| c.0),
-        shape_covariance: covariances.map(|c| c.1),
-        shape_pose_covariance: covariances.map(|c| c.2),
-        ambiguity,
-        probability,
-        evidence,
-        alternative,
+        covariance: certain.covariances.map(|c| c.0),
+        shape_covariance: certain.covariances.map(|c| c.1),
+        shape_pose_covariance: certain.covariances.map(|c| c.2),
+        ambiguity: certain.ambiguity,
+        probability: certain.probability,
+        evidence: certain.evidence,
+        alternative: certain.alternative,
         ransac: *ransac,
         solver: *solver,
         stages: refined.stages,
@@ -179,6 +161,37 @@ fn store_residuals(points: Measured, visible: &[u32], threshold: f64, residuals:
     inliers
 }
 
+/// How sure a pose is.
+struct Certainty {
+    ambiguity: f64,
+    evidence: Evidence,
+    probability: f64,
+    covariances: Option<Covariances>,
+    alternative: Option<Alternative>,
+}
+
+/// # Errors
+/// The pose is too improbable, or has no covariance although one is asked for.
+fn certainty(object: &Object, verified: &Verified, memory: &mut Memory) -> Result<Certainty, NoPose> {
+    let (state, options) = (&verified.refined.state, object.options);
+    let doubt = Doubt::of(object, verified);
+    let visible = memory.keypoints.visible;
+    let mut objective = objective(object, memory.keypoints.lend(), verified.noise.sigma);
+    let facts = facts(object, verified, &mut objective, visible, doubt.ambiguity);
+    let evidence = facts.evidence();
+    let probability = probability(&options.effective_probability_coefficients(), &evidence);
+    if facts.looks_too_small(&object.usable_bbox) || !(probability >= options.effective_min_probability()) {
+        return Err(NoPose::Improbable);
+    }
+    let factor = options.effective_keypoint_error_factor();
+    let mut uncertainty = |state: &State| covariance(&mut objective, state, object.inlier_threshold, factor);
+    let covariances = if options.covariance { Some(uncertainty(state).ok_or(NoPose::Degenerate)?) } else { None };
+    let own = covariances.as_ref().map(|c| &c.0);
+    let ambiguity = doubt.ambiguity;
+    let alternative = doubt.alternative(object, state, probability, own, &mut uncertainty);
+    Ok(Certainty { ambiguity, evidence, probability, covariances, alternative })
+}
+
 /// What the evidence for a pose is made of.
 fn facts<'a>(
     object: &'a Object,
@@ -203,56 +216,4 @@ fn facts<'a>(
         log10_nfa: verified.log10_nfa,
         ambiguity,
     }
-}
-
-/// Whether it could face another way.
-struct Doubt {
-    ambiguity: f64,
-    /// The other reading, and how likely it is against this one.
-    other: Option<(Source, [f64; 2])>,
-}
-
-impl Doubt {
-    /// By the network's viewing angles where there are some, else by the best pose that faces another way.
-    fn of(object: &Object, verified: &Verified) -> Self {
-        let (refined, model) = (&verified.refined, object.observation.model());
-        if let Some(angles) = object.observation.viewing_angles() {
-            let ambiguity = turned_probability(angles, &refined.state, model);
-            let source = Source::away(&refined.state, refined.runner_up.as_ref(), model);
-            return Self { ambiguity, other: Some((source, [ambiguity, 1.0 - ambiguity])) };
-        }
-        let Some(other) = refined.runner_up else { return Self { ambiguity: 0.0, other: None } };
-        let noise_sigma = verified.noise.sigma.max(AMBIGUITY_NOISE * object.inlier_threshold);
-        let ambiguity = relative_likelihood(refined.cost, other.cost, noise_sigma);
-        Self { ambiguity, other: Some((Source::Found(other.state), [ambiguity, 1.0])) }
-    }
-
-    /// The other reading, where it is probable enough; `right` is the probability that `state` is right, `own` its
-    /// covariance.
-    fn alternative(
-        self,
-        object: &Object,
-        state: &State,
-        right: f64,
-        own: Option<&PoseCovariance>,
-        uncertainty: &mut impl FnMut(&State) -> Option<Covariances>,
-    ) -> Option<Alternative> {
-        let (source, [other, this]) = self.other?;
-        let probability = alternative::probability(other, this, right)?;
-        let (other, covariance) = match source {
-            Source::Found(other) => (other, own.and_then(|_| uncertainty(&other)).map(|c| c.0)),
-            Source::Turned(other) => {
-                let model = object.observation.model();
-                (other, own.map(|own| turned_covariance(own, state, &other, model)))
-            }
-        };
-        let (pose, shape_coefficients) = (other.pose.orthonormalized(), other.coefficients);
-        let yaw = pose.yaw(object.view);
-        Some(Alternative { pose, yaw, shape_coefficients, covariance, probability })
-    }
-}
-
-/// Likelihood of the runner-up relative to the best, from their costs (pixels squared, halved).
-fn relative_likelihood(best: f64, runner_up: f64, noise_sigma: f64) -> f64 {
-    exp(-(runner_up - best).max(0.0) / square(noise_sigma))
 }

@@ -13,7 +13,7 @@
 //!
 //! ```math
 //! \Sigma = H^{-1} \bigl( \kappa \sigma^2 (H - P) + \sigma^2 P \bigr) H^{-1}
-//!        = \kappa \sigma^2 H^{-1} - (\kappa - 1) \sigma^2 H^{-1} P H^{-1} .
+//!        = \sigma^2 H^{-1} + (\kappa - 1) \sigma^2 H^{-1} (H - P) H^{-1} .
 //! ```
 //!
 //! [`Options::keypoint_error_factor`]: crate::estimate::options::Options::keypoint_error_factor
@@ -73,11 +73,13 @@ pub(crate) fn covariance(
     }
 }
 
+/// A call of its own, as [`Objective::linearise_keypoints`]: matrices of one size at a time are on the stack.
+#[inline(never)]
 fn inverse<const D: usize>(objective: &mut Objective, state: &State, error_factor: f64) -> Option<Covariances> {
     let mut normal = Normal::<D>::ZERO;
     objective.linearise(state, Kernel::LeastSquares, &mut normal);
     cholesky(&mut normal.h)?;
-    let priors = (error_factor != 1.0).then(|| objective.priors_alone::<D>(state));
+    let keypoints = (error_factor != 1.0).then(|| objective.linearise_keypoints::<D>(state));
     let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
     let mut between = ShapePoseCovariance::zeros();
     let modes = objective.keypoints.model.eigenvalues().len();
@@ -85,11 +87,11 @@ fn inverse<const D: usize>(objective: &mut Objective, state: &State, error_facto
         let mut x = [0.0; D];
         x[column] = square(objective.priors.noise_sigma);
         solve_cholesky(&normal.h, &mut x);
-        if let Some(priors) = &priors {
-            let mut sure = priors.h_times(&x);
-            solve_cholesky(&normal.h, &mut sure);
-            for (x, sure) in x.iter_mut().zip(sure) {
-                *x = error_factor * *x - (error_factor - 1.0) * sure;
+        if let Some(keypoints) = &keypoints {
+            let mut shared = keypoints.h_times(&x);
+            solve_cholesky(&normal.h, &mut shared);
+            for (x, shared) in x.iter_mut().zip(shared) {
+                *x += (error_factor - 1.0) * shared;
             }
         }
         if x.iter().any(|x| !x.is_finite()) {
@@ -106,5 +108,14 @@ fn inverse<const D: usize>(objective: &mut Objective, state: &State, error_facto
             }
         }
     }
-    Some((pose, shape, between))
+    if error_factor == 1.0 {
+        return Some((pose, shape, between));
+    }
+    // Rounding may have left nothing of a direction that the inliers hardly determine.
+    (0..6).all(|k| pose[(k, k)] > 0.0).then(|| (symmetric(pose), symmetric(shape), between))
+}
+
+/// Without what rounding made of a symmetric product.
+fn symmetric<const N: usize>(matrix: SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
+    (matrix + matrix.transpose()) * 0.5
 }

@@ -42,14 +42,19 @@ impl Objective<'_> {
         terms.add_tilt_and_shape(state, normal);
     }
 
-    /// The part of [`Objective::linearise`] that the priors add.
-    pub(crate) fn priors_alone<const D: usize>(&mut self, state: &State) -> Normal<D> {
+    /// [`Objective::linearise`] of the keypoints alone, with their squared residuals.
+    #[inline(never)]
+    pub(crate) fn linearise_keypoints<const D: usize>(&mut self, state: &State) -> Normal<D> {
         let mut normal = Normal::ZERO;
-        let (_, terms) = self.at(state);
-        if let Some(sides) = terms.sides(state) {
-            normal.cost += terms.add_sides(state, &sides, &mut normal);
+        let (unit, model, visible, view) =
+            (self.keypoints.unit, self.keypoints.model, self.keypoints.visible, self.view);
+        let (blocks, _) = self.at(state);
+        let summands = summands(view, blocks, state, None, Kernel::LeastSquares);
+        if D == 6 {
+            unit.run(Linearise { summands, normal: &mut normal });
+        } else {
+            unit.run(LineariseJoint { summands, model, visible, normal: &mut normal });
         }
-        terms.add_tilt_and_shape(state, &mut normal);
         normal
     }
 

@@ -1,4 +1,4 @@
-"""How sure an answer is: regions, the error factor, the probability and what it refuses, the other reading."""
+"""How sure an answer is: regions, the error factor, the probability and what it refuses, alternatives."""
 
 import groundpose as gp
 import numpy as np
@@ -79,7 +79,8 @@ def test_error_factor_widens_the_covariance_and_nothing_else():
     np.testing.assert_array_equal(narrow.R, wide.R)
     np.testing.assert_array_equal(narrow.t, wide.t)
     ratio = np.diagonal(wide.covariance, axis1=1, axis2=2) / np.diagonal(narrow.covariance, axis1=1, axis2=2)
-    assert (ratio > 1.0).all() and (ratio <= 15.0 + 1e-6).all()
+    assert (ratio > 1.0).all()
+    assert (ratio <= 15.0 + 1e-6).all()
     # what the ground says of the lean is not a keypoint's error
     assert np.median(ratio[:, 5]) > 8.0
 
@@ -89,7 +90,8 @@ def test_probability_of_good_answers_and_of_wrong_keypoints():
     low, high = BOXES[:, None, :2], BOXES[:, None, 2:]
     junk = estimate(low + (high - low) * rng.random(PIXELS.shape), max_log10_nfa=np.inf, min_probability=0.0)
     good = estimate(min_probability=0.0)
-    assert good.ok.all() and good.probability.min() > 0.7
+    assert good.ok.all()
+    assert good.probability.min() > 0.7
     assert np.nanmax(junk.probability) < good.probability.min()
 
 
@@ -104,7 +106,8 @@ def test_improbable_answers_are_refused():
     assert estimate(min_probability=0.0).ok.all()
     refused = estimate(min_probability=1.0)
     assert set(refused.status) == {"improbable"}
-    assert np.isnan(refused.R).all() and np.isnan(refused.probability).all()
+    assert np.isnan(refused.R).all()
+    assert np.isnan(refused.probability).all()
 
 
 def test_probability_is_the_logistic_of_the_evidence():
@@ -141,7 +144,8 @@ def test_no_alternative_below_two_percent():
     said = {"viewing_angle_probabilities": angles(alpha_of(estimate()), 0.01)}
     options = {"min_probability": 0.0, "probability_coefficients": TRUSTS_THE_NETWORK}
     other = estimate(said=said, **options).alternatives
-    assert np.isnan(other.probability).all() and np.isnan(other.R).all()
+    assert np.isnan(other.probability).all()
+    assert np.isnan(other.R).all()
 
 
 def test_what_a_network_did_not_say():
@@ -170,7 +174,8 @@ def test_one_bad_probability_spoils_its_own_object_alone():
     p = np.full(COUNT, 0.9)
     p[3] = 1.7
     poses = estimate(said={"vehicle_probability": p}, min_probability=0.0)
-    assert poses.status[3] == "invalid_input" and poses.ok.sum() == COUNT - 1
+    assert poses.status[3] == "invalid_input"
+    assert poses.ok.sum() == COUNT - 1
 
 
 def test_certainty_fills_what_is_open():

@@ -8,6 +8,7 @@ import groundpose as gp
 import numpy as np
 import pytest
 from groundpose import Network, Pipeline
+from groundpose.keypoints.certainty import Certainty
 from groundpose.keypoints.network import FORMAT
 from groundpose.vehicles.classes import CLASSES
 from PIL import Image
@@ -21,7 +22,7 @@ IMAGE[:, 480:] = 20
 BRIGHT, BESIDE = BOX.tolist(), (BOX - [20.0, 0.0, 20.0, 0.0]).tolist()
 DARK, OUTSIDE = [500.0, 100.0, 600.0, 180.0], [900.0, 0.0, 950.0, 40.0]
 BOXES = [BRIGHT, DARK, OUTSIDE, BESIDE]
-_NOT_BY_OBJECT = {"view", "models", "seconds", "tilt_covariance", "error_dof"}
+_NOT_BY_OBJECT = {"view", "models", "seconds", "tilt_covariance", "error_dof", "scale_covariance"}
 SAID = ("vehicle_probability", "viewing_angle_probabilities")
 FROM_WHAT_IS_SAID = ("evidence", "probability", "ambiguity")
 FROM_WHAT_IS_SAID += tuple(f"alternative_{name}" for name in ("R", "t", "yaw", "covariance", "probability"))
@@ -104,6 +105,19 @@ def test_images_without_vehicles(path, boxes):
     assert not poses.ok.any()
     assert poses.viewing_angle_probabilities.shape == (len(boxes), 16)
     assert poses.class_probabilities.shape == (len(boxes), len(CLASSES))
+
+
+def test_certainty_is_the_files_unless_it_is_given(tmp_path):
+    own = Certainty(9.0, 7.0, (0.0,) * 7, 0.3)
+    file = write(tmp_path / "sure.onnx", version="2", certainty=json.dumps(own.numbers()))
+    assert Network(file, threads=1).certainty == own
+    options = Pipeline(file, threads=1, options=gp.Options(min_probability=0.6)).options
+    assert (options.keypoint_error_factor, options.keypoint_error_dof) == (9.0, 7.0)
+    assert options.min_probability == 0.6
+
+
+def test_a_network_without_certainty_does_not_err_independently(path):
+    assert Pipeline(path, threads=1).options.keypoint_error_factor == Certainty().error_factor > 1.0
 
 
 def test_the_threshold_is_the_files_unless_it_is_given(tmp_path):

@@ -19,9 +19,15 @@ from groundpose.options import Options
 # Angles: radians in the library, degrees on the command line, whose option ends in `-deg`.
 _ANGLES = ("tilt_sigma",)
 # A command line has no way to give one number per object.
-_COEFFICIENTS = tuple[(float,) * (1 + _core.EVIDENCE)]  # type: ignore[misc]
+_COEFFICIENTS: Any = tuple[(float,) * (1 + _core.EVIDENCE)]  # type: ignore[misc]
 _TYPES = {"inlier_threshold": float, "probability_coefficients": _COEFFICIENTS}
-_METAVARS = {str: "NAME", float: "X", float | None: "X", int: "N", tuple[float, float, float]: "T T T"}
+_METAVARS: dict[Any, str] = {
+    str: "NAME",
+    float: "X",
+    float | None: "X",
+    int: "N",
+    tuple[float, float, float]: "T T T",
+}
 _METAVARS |= {_COEFFICIENTS: "X.."}
 _TEXTS = {"inlier_threshold": "pixels, for all objects; default: by the longer side of the 2D box."}
 

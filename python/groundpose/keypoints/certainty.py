@@ -13,8 +13,8 @@ from groundpose.options import Options
 class Certainty:
     """Numbers of one network, fitted by `groundpose evaluate honesty --fit`; the options of the same names.
 
-    The defaults are for a network of which nothing is known: the errors of every network's keypoints are shared
-    between them, so independent ones would be wrong for all.
+    The defaults are for a network of which nothing is known: the errors of every network's keypoints are
+    shared between them, so independent ones would be wrong for all.
 
     Args:
         error_factor: `Options.keypoint_error_factor`.
@@ -42,12 +42,10 @@ class Certainty:
 
     def applied(self, options: Options) -> Options:
         """The options with these numbers where the caller left them open."""
-        own = {
+        own: dict[str, Any] = {
             "keypoint_error_factor": self.error_factor,
             "keypoint_error_dof": self.error_dof,
             "probability_coefficients": self.probability_coefficients,
             "min_probability": self.min_probability,
         }
-        return replace(
-            options, **{name: value for name, value in own.items() if getattr(options, name) is None}
-        )
+        return replace(options, **{name: own[name] for name in own if getattr(options, name) is None})

@@ -125,7 +125,8 @@ class Pipeline:
             network: a `Network`, the path of one, the name of a bundled one, or None for the best of these.
             models: a shape model for each class, with that class's keypoints; None: those that ship. Classes
                 left out keep theirs.
-            options: of the solver; what they leave open of the certainty is the network's (`Network.certainty`).
+            options: of the solver; what they leave open of the certainty is the network's
+                (`Network.certainty`).
             threads: of network and solver, 1 or more; None: all cores. A `Network` given keeps its own.
             batch_size: most crops that the network sees at a time.
             vehicle_threshold: objects whose probability to be a vehicle is lower get the status
