@@ -185,6 +185,26 @@ def test_the_tilt_of_the_frame_is_estimated_and_said(frame):
     assert "frame_tilt_sigma: expected a positive number" in one_line(refused)
 
 
+def test_a_height_or_a_region_puts_the_vehicles_on_one_road(frame):
+    alone = json.loads(run("estimate", frame).stdout)
+    assert not {"camera_height", "pitch_sigma_deg"} & alone.keys()
+    assert "size" not in alone["objects"][0]
+    for arguments in (("--height", 1.5), ("--region", "europe"), ("--height", 1.5, "--region", "japan")):
+        found = json.loads(run("estimate", frame, *arguments).stdout)
+        assert found["camera_height"] == pytest.approx(1.5, rel=0.1)
+        assert found["camera_height_sigma"] > 0.0
+        assert found["pitch_deg"] == pytest.approx(np.degrees(BATCH.view.pitch), abs=1.0)
+        assert isinstance(found["remarks"], list)
+        for item in found["objects"]:
+            if item["status"] == "ok":
+                assert item["position"][1] == pytest.approx(1.5, abs=0.3)
+                assert all(
+                    0.0 < sigma < size for sigma, size in zip(item["size_sigma"], item["size"], strict=True)
+                )
+    assert "region: expected one of world" in one_line(run("estimate", frame, "--region", "moon"))
+    assert "height: expected" in one_line(run("estimate", frame, "--height", -1))
+
+
 def test_former_spellings_of_options_still_work(frame):
     refused = run("estimate", frame, "--model", "mine.onnx")
     assert "--network: is for images" in one_line(refused)

@@ -16,12 +16,14 @@ from groundpose._core import InputError
 from groundpose.cli.inputs import NetworkFile, is_image
 from groundpose.cli.options import takes_options
 from groundpose.cli.output import FORMATS, Output, Pictures, Style, mistakes, refuse
-from groundpose.cli.run import Result, Tilt, run
+from groundpose.cli.run import Mounting, Result, run
 from groundpose.estimate import estimate_poses
 from groundpose.formats.frames import Frame, FrameSource
 from groundpose.formats.records import pose_record, tilt_members
+from groundpose.frame import FramePriors
 from groundpose.options import Options
 from groundpose.poses import PoseBatch
+from groundpose.sizes import REGIONS, SizePrior
 
 
 @takes_options
@@ -80,6 +82,22 @@ def estimate(
     roll_deg: Annotated[
         float | None, typer.Option(help="Roll of the camera, instead of the frames'.")
     ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            help="Height of the camera above the road, instead of the frames'; all vehicles of a frame then "
+            "stand on one road.",
+            metavar="METRES",
+        ),
+    ] = None,
+    region: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Where vehicles are as large as there: {', '.join(REGIONS)}; they then stand on one road.",
+            metavar="NAME",
+            show_default="every vehicle alone",
+        ),
+    ] = None,
     frame_tilt_sigma_deg: Annotated[
         float | None,
         typer.Option(
@@ -110,6 +128,8 @@ def estimate(
 
       groundpose estimate drive.mp4 --boxes coco.json --calib camera.json -o results/ --no-pictures
 
+      groundpose estimate drive/ --boxes coco.json --calib camera.json --height 1.65 --region europe -o out/
+
       groundpose estimate frame.json --draw poses.png
 
       zcat drive.jsonl.gz | groundpose estimate - --format kitti -o results/
@@ -117,10 +137,11 @@ def estimate(
     form = form or ("table" if out is None and sys.stdout.isatty() else "jsonl")
     if form not in FORMATS:
         refuse(f"--format: expected {', '.join(FORMATS)}, got {form!r}")
-    angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
-    tilt = Tilt(*(None if angle is None else math.radians(angle) for angle in angles))
     with mistakes():
-        job = _Job(options, threads, tilt, out, form, draw)
+        angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
+        pitch, roll, sigma = (None if angle is None else math.radians(angle) for angle in angles)
+        mounting = Mounting(pitch, roll, height, sigma, _frame(height, region))
+        job = _Job(options, threads, mounting, out, form, draw)
         if boxes is not None or is_image(source):
             status = job.images(source, boxes, calib, network, vehicle_threshold, min_score, pictures)
         else:
@@ -135,13 +156,20 @@ def estimate(
     raise typer.Exit(status)
 
 
+def _frame(height: float | None, region: str | None) -> FramePriors | None:
+    """All vehicles on one road where a height or a region is given."""
+    if height is None and region is None:
+        return None
+    return FramePriors(size=SizePrior.region(region or "world"))
+
+
 @dataclass(frozen=True)
 class _Job:
     """What is said of the method and of the results."""
 
     options: Options
     threads: int | None
-    tilt: Tilt
+    mounting: Mounting
     out: Path | None
     form: str
     draw: Path | None
@@ -166,7 +194,7 @@ class _Job:
             network, options=self.options, threads=self.threads, vehicle_threshold=vehicle_threshold
         )
         work = ImageWork(
-            source, boxes, calib, self.tilt, -math.inf if min_score is None else min_score, pipeline
+            source, boxes, calib, self.mounting, -math.inf if min_score is None else min_score, pipeline
         )
         lines, picture = destinations(self.out, self.form, work.several)
         for given in (source, boxes, calib):
@@ -181,9 +209,9 @@ class _Job:
             if value is not None:
                 refuse(f"--{name}: is for images, which are given with --boxes")
         with _open(source, self.out) as frames:
-            work = _FrameWork(frames, self.options, self.threads, self.tilt)
+            work = _FrameWork(frames, self.options, self.threads, self.mounting)
             drawn = self._pictures(frames.several)
-            style = Style(pose_record if self.tilt.frame_sigma is None else _tilted_record)
+            style = Style(pose_record if self.mounting.frame_sigma is None else _tilted_record)
             return run(work, Output(self.out, self.form, frames.several, style), drawn)
 
     def _pictures(self, several: bool, instead: Path | None = None) -> Pictures | None:
@@ -198,7 +226,7 @@ class _FrameWork:
     source: FrameSource
     options: Options
     threads: int | None
-    tilt: Tilt
+    mounting: Mounting
     noun = "frames"
     total = None
 
@@ -215,12 +243,12 @@ class _FrameWork:
             try:
                 if isinstance(frame, InputError):
                     raise frame
-                tilted = replace(frame, view=self.tilt.of(frame.view))
+                tilted = replace(frame, view=self.mounting.of(frame.view))
                 poses = estimate_poses(
                     **tilted.arguments,
                     options=self.options,
                     threads=self.threads,
-                    frame_tilt_sigma=self.tilt.frame_sigma,
+                    **self.mounting.arguments,
                 )
             except InputError as error:
                 yield error

@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,26 +22,37 @@ from rich.progress import (
 from groundpose._core import InputError
 from groundpose.cli.output import Output, Pictures, complain, console
 from groundpose.formats.frames import Frame
+from groundpose.frame import FramePriors
 from groundpose.poses import PoseBatch
 from groundpose.types import View
 
 
 @dataclass(frozen=True)
-class Tilt:
-    """Pitch and roll in radians, instead of what files say; None: what they say.
+class Mounting:
+    """Pitch and roll in radians and height in metres, instead of what files say; None: what they say.
 
-    `frame_sigma` is how far off they may be (standard deviation) for a whole frame, whose tilt is then
-    estimated first; None: they are the frame's.
+    `frame_sigma` is how far off the tilt may be (standard deviation) for a whole frame, whose tilt is then
+    estimated first; None: it is the frame's. With `frame` all vehicles of a frame stand on one road.
     """
 
     pitch: float | None = None
     roll: float | None = None
+    height: float | None = None
     frame_sigma: float | None = None
+    frame: FramePriors | None = None
 
     def of(self, view: View) -> View:
-        """The view with this tilt."""
+        """The view with what is said here."""
         pitch = view.pitch if self.pitch is None else self.pitch
-        return replace(view, pitch=pitch, roll=view.roll if self.roll is None else self.roll)
+        roll = view.roll if self.roll is None else self.roll
+        return replace(
+            view, pitch=pitch, roll=roll, height=view.height if self.height is None else self.height
+        )
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """For `estimate_poses` and `Pipeline`."""
+        return {"frame_tilt_sigma": self.frame_sigma, "frame": self.frame}
 
 
 @dataclass(frozen=True)
