@@ -98,6 +98,7 @@ pub use error::{EstimateError, Got, InputError, NoPose};
 pub use estimate::alternative::Alternative;
 #[cfg(feature = "rayon")]
 pub use estimate::batch::OBJECTS_PER_TASK;
+pub use estimate::camera_state::{CAMERA_NUMBERS, CameraState};
 pub use estimate::describe::Estimate;
 pub use estimate::estimator::Estimator;
 pub use estimate::frame::{ClassScale, Frame, solve_frame};

@@ -186,6 +186,12 @@ pub(crate) const ROAD_SLOPE: f64 = 0.12 * (PI / 180.0);
 /// Of the mean size of a class where the region is not known, and of a vehicle about it, as fractions.
 pub(crate) const CLASS_SIZE_SIGMA: f64 = 0.08;
 pub(crate) const OWN_SIZE_SIGMA: f64 = 0.05;
+/// Of a frame's pitch, roll (radians) and log height about the mean of its drive.
+pub(crate) const PITCH_OF_FRAMES: f64 = 0.3 * (PI / 180.0);
+pub(crate) const ROLL_OF_FRAMES: f64 = 0.7 * (PI / 180.0);
+pub(crate) const HEIGHT_OF_FRAMES: f64 = 0.02;
+/// Part of a frame's information that a camera's state takes: frames of a drive show the same vehicles.
+pub(crate) const CARRIED_INFORMATION: f64 = 0.1;
 /// Degrees of freedom of contacts about the road: wrong poses, ramps. Chosen by hand.
 pub(crate) const CONTACT_DOF: f64 = 4.0;
 /// A bottom centre above this fraction of the camera's height counts as there: above the horizon there is no logarithm.

@@ -51,6 +51,7 @@ const ROOMS: [(&str, &[&str]); 11] = [
             "frame_object",
             "frame_answer",
             "frame",
+            "camera_state",
             "batch",
         ],
     ),

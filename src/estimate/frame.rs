@@ -16,14 +16,15 @@ use crate::geometry::view::{Tilt, View};
 use crate::refine::normal::{cholesky, solve_cholesky};
 use crate::tuning::{CONTACT_DOF, LARGEST_FRAME_STEP, SMALLEST_FRAME_STEP, SOLVE_ITERATIONS, STEEPEST_PITCH};
 
-const PITCH: usize = 0;
-const ROLL: usize = 1;
-const HEIGHT: usize = 2;
-const SCALES: usize = 3;
-const UNKNOWNS: usize = SCALES + MAX_CLASSES;
+pub(crate) const PITCH: usize = 0;
+pub(crate) const ROLL: usize = 1;
+pub(crate) const HEIGHT: usize = 2;
+pub(crate) const SCALES: usize = 3;
+pub(crate) const UNKNOWNS: usize = SCALES + MAX_CLASSES;
 
-type Unknowns = SVector<f64, UNKNOWNS>;
-type Information = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+/// Pitch, roll, log height, log size of each class.
+pub(crate) type Unknowns = SVector<f64, UNKNOWNS>;
+pub(crate) type Between = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
 /// The size of the vehicles of a class in a frame.
 ///
@@ -102,12 +103,43 @@ pub fn solve_frame(
     answers: &mut [FrameAnswer],
 ) -> Result<Frame, InputError> {
     priors.check(view)?;
+    Ok(solve_from(view, priors, &Knowledge::of(view, priors), objects, answers)?.0)
+}
+
+/// What is known of the unknowns before a frame: a Gaussian.
+pub(crate) struct Knowledge {
+    pub(crate) mean: Unknowns,
+    pub(crate) covariance: Between,
+}
+
+impl Knowledge {
+    /// Of a nominal view; the log height is that over the height of the view.
+    pub(crate) fn of(view: &View, priors: &FramePriors) -> Self {
+        let (mut mean, mut sigmas) = (Unknowns::zeros(), Unknowns::zeros());
+        (mean[PITCH], sigmas[PITCH]) = (view.tilt.pitch, priors.pitch_sigma);
+        (mean[ROLL], sigmas[ROLL]) = (view.tilt.roll, priors.roll_sigma);
+        sigmas[HEIGHT] = priors.log_height_sigma(view);
+        for (k, scale) in priors.scales.iter().enumerate() {
+            (mean[SCALES + k], sigmas[SCALES + k]) = (scale.log_mean, scale.sigma);
+        }
+        Self { mean, covariance: Between::from_diagonal(&sigmas.map(square)) }
+    }
+}
+
+/// [`solve_frame`] from any knowledge; the frame, and the unknowns with their covariance.
+pub(crate) fn solve_from(
+    view: &View,
+    priors: &FramePriors,
+    known: &Knowledge,
+    objects: &[FrameObject],
+    answers: &mut [FrameAnswer],
+) -> Result<(Frame, Knowledge), InputError> {
     require(answers.len() == objects.len(), "answers", "one per object", Got::Count(answers.len()))?;
     let height = view.height.or_else(|| typical_height(view, priors, objects, answers));
-    let mut solver = Solver::new(view, priors, height.unwrap_or(1.0));
+    let mut solver = Solver::new(priors, known, height.unwrap_or(1.0));
     for (object, answer) in objects.iter().zip(&mut *answers) {
         answer.contact = Contact::default();
-        answer.set_state(&FrameObject::start(priors.scales[object.class].log_mean));
+        answer.set_state(&FrameObject::start(known.mean[SCALES + object.class]));
     }
     for _ in 0..SOLVE_ITERATIONS {
         if solver.step(objects, answers) < SMALLEST_FRAME_STEP {
@@ -117,8 +149,8 @@ pub fn solve_frame(
     for (object, answer) in objects.iter().zip(&mut *answers) {
         answer.describe(object, priors, &solver.covariance_seen(seen_by(object.class)));
     }
-    let known = (view.height.is_some(), height.is_some());
-    Ok(solver.frame(view, known, answers.iter().map(|a| a.weight).sum()))
+    let frame = solver.frame(view, height.is_some(), answers.iter().map(|a| a.weight).sum());
+    Ok((frame, Knowledge { mean: solver.theta, covariance: solver.covariance }))
 }
 
 /// Median height over the road, as the objects' own estimates have it.
@@ -145,22 +177,16 @@ struct Solver<'a> {
     priors: &'a FramePriors,
     /// The height is this times the exponential of its unknown.
     height: f64,
-    mean: Unknowns,
-    variance: Unknowns,
+    known: &'a Knowledge,
+    information: Between,
     theta: Unknowns,
-    covariance: Information,
+    covariance: Between,
 }
 
 impl<'a> Solver<'a> {
-    fn new(view: &View, priors: &'a FramePriors, height: f64) -> Self {
-        let (mut mean, mut variance) = (Unknowns::zeros(), Unknowns::zeros());
-        (mean[PITCH], variance[PITCH]) = (view.tilt.pitch, square(priors.pitch_sigma));
-        (mean[ROLL], variance[ROLL]) = (view.tilt.roll, square(priors.roll_sigma));
-        variance[HEIGHT] = square(priors.log_height_sigma(view));
-        for (k, scale) in priors.scales.iter().enumerate() {
-            (mean[SCALES + k], variance[SCALES + k]) = (scale.log_mean, square(scale.sigma));
-        }
-        Self { priors, height, mean, variance, theta: mean, covariance: Information::from_diagonal(&variance) }
+    fn new(priors: &'a FramePriors, known: &'a Knowledge, height: f64) -> Self {
+        let information = inverted(&known.covariance).unwrap_or_else(Between::zeros);
+        Self { priors, height, known, information, theta: known.mean, covariance: known.covariance }
     }
 
     fn road(&self) -> Road {
@@ -170,12 +196,8 @@ impl<'a> Solver<'a> {
     /// One step of Gauss-Newton with new weights; the largest change of an unknown.
     fn step(&mut self, objects: &[FrameObject], answers: &mut [FrameAnswer]) -> f64 {
         let road = self.road();
-        let mut information = [[0.0; UNKNOWNS]; UNKNOWNS];
-        let mut step = [0.0; UNKNOWNS];
-        for k in 0..UNKNOWNS {
-            information[k][k] = 1.0 / self.variance[k];
-            step[k] = (self.mean[k] - self.theta[k]) / self.variance[k];
-        }
+        let mut information = self.information;
+        let mut step = self.information * (self.known.mean - self.theta);
         for (object, answer) in objects.iter().zip(&mut *answers) {
             let seen = seen_by(object.class);
             let contact = object.contact(&answer.state(), self.theta[seen[3]], &road, self.priors);
@@ -185,14 +207,15 @@ impl<'a> Solver<'a> {
             let weight = answer.weight / contact.variance;
             for (a, &at) in seen.iter().enumerate() {
                 step[at] -= weight * contact.row[a] * contact.innovation;
-                for (b, &to) in seen.iter().enumerate().skip(a) {
-                    information[at][to] += weight * contact.row[a] * contact.row[b];
+                for (b, &to) in seen.iter().enumerate() {
+                    information[(at, to)] += weight * contact.row[a] * contact.row[b];
                 }
             }
             answer.contact = contact;
         }
-        self.invert(&mut information);
-        let step = limited(self.covariance * Unknowns::from(step));
+        // Positive definite: the prior alone is.
+        self.covariance = inverted(&information).unwrap_or(self.covariance);
+        let step = limited(self.covariance * step);
         self.theta += step;
         self.theta[PITCH] = self.theta[PITCH].clamp(-STEEPEST_PITCH, STEEPEST_PITCH);
         for (object, answer) in objects.iter().zip(&mut *answers) {
@@ -203,41 +226,24 @@ impl<'a> Solver<'a> {
         step.amax()
     }
 
-    /// The covariance from the upper triangle of the information, which is positive definite: the priors alone are.
-    fn invert(&mut self, information: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
-        if cholesky(information).is_none() {
-            return;
-        }
-        for k in 0..UNKNOWNS {
-            let mut column = [0.0; UNKNOWNS];
-            column[k] = 1.0;
-            solve_cholesky(information, &mut column);
-            self.covariance.column_mut(k).copy_from_slice(&column);
-        }
-    }
-
     fn covariance_seen(&self, seen: [usize; 4]) -> Matrix4<f64> {
         Matrix4::from_fn(|a, b| self.covariance[(seen[a], seen[b])])
     }
 
-    /// `known`: whether the nominal view has a height, and whether there is one now.
-    fn frame(&self, view: &View, known: (bool, bool), objects: f64) -> Frame {
+    fn frame(&self, view: &View, has_height: bool, objects: f64) -> Frame {
         let tilt = Tilt { pitch: self.theta[PITCH], roll: self.theta[ROLL] };
         let mut estimated = View::new(view.camera, tilt).unwrap_or(*view);
-        estimated.height = known.1.then(|| self.height * exp(self.theta[HEIGHT]));
+        estimated.height = has_height.then(|| self.height * exp(self.theta[HEIGHT]));
         let scale = |k: usize| ClassScale {
             log_mean: self.theta[SCALES + k],
             sigma: sqrt(self.covariance[(SCALES + k, SCALES + k)]),
         };
-        // A mean of two independent opinions differs from the first by a variance of the first less its own.
-        let learned = self.variance[HEIGHT] - self.covariance[(HEIGHT, HEIGHT)];
-        let conflict = known.0 && learned > 1e-6 * self.variance[HEIGHT];
         Frame {
             view: estimated,
             covariance: self.covariance.fixed_view::<3, 3>(0, 0).into_owned(),
             scales: core::array::from_fn(scale),
             objects,
-            height_conflict: conflict.then(|| self.theta[HEIGHT] / sqrt(learned)),
+            height_conflict: conflict(view, self.known, &self.theta, &self.covariance),
         }
     }
 }
@@ -245,6 +251,29 @@ impl<'a> Solver<'a> {
 /// The unknowns of the frame that an object of a class sees.
 fn seen_by(class: usize) -> [usize; 4] {
     [PITCH, ROLL, HEIGHT, SCALES + class]
+}
+
+/// How far the log height moved, in standard deviations of such moves: a mean of two independent opinions differs from the
+/// first by a variance of the first less its own.
+pub(crate) fn conflict(view: &View, before: &Knowledge, after: &Unknowns, covariance: &Between) -> Option<f64> {
+    let variance = before.covariance[(HEIGHT, HEIGHT)];
+    let learned = variance - covariance[(HEIGHT, HEIGHT)];
+    let is_there = view.height.is_some() && learned > 1e-6 * variance;
+    is_there.then(|| (after[HEIGHT] - before.mean[HEIGHT]) / sqrt(learned))
+}
+
+/// The inverse of a positive definite matrix.
+pub(crate) fn inverted(matrix: &Between) -> Option<Between> {
+    let mut factors: [[f64; UNKNOWNS]; UNKNOWNS] = (*matrix).into();
+    cholesky(&mut factors)?;
+    let mut inverse = Between::zeros();
+    for k in 0..UNKNOWNS {
+        let mut column = [0.0; UNKNOWNS];
+        column[k] = 1.0;
+        solve_cholesky(&factors, &mut column);
+        inverse.column_mut(k).copy_from_slice(&column);
+    }
+    Some(inverse)
 }
 
 /// Unknowns are angles and logarithms: no step is so large that the linearised road means nothing.

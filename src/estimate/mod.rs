@@ -6,6 +6,7 @@ pub mod alternative;
 pub(crate) mod attempt;
 #[cfg(feature = "rayon")]
 pub mod batch;
+pub mod camera_state;
 pub mod describe;
 pub mod estimator;
 pub mod frame;

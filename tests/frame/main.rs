@@ -1,5 +1,6 @@
 //! The frame solve against an independent one, exact data, noise with known truth, and whatever may go wrong.
 
+mod camera;
 #[path = "../common/mod.rs"]
 mod common;
 mod dense;

@@ -69,6 +69,18 @@ impl Scene {
         scene
     }
 
+    /// Objects of a frame whose truth is given.
+    fn of(random: &mut Random, nominal: View, truth: View, class_sizes: &[f64; 2], objects: usize) -> Self {
+        let mut scene = Self { nominal, truth, priors: FramePriors::default(), objects: vec![], true_objects: vec![] };
+        for k in 0..objects {
+            let z = random.between(6.0, 45.0);
+            let log_size = class_sizes[k % 2] + scene.priors.scales[k % 2].own_sigma * random.normal();
+            let x = random.between(-0.4, 0.4) * z;
+            scene.add(random, k % 2, log_size, [x, z]);
+        }
+        scene
+    }
+
     fn add(&mut self, random: &mut Random, class: usize, log_size: f64, [x, z]: [f64; 2]) {
         let height = self.truth.height.unwrap();
         let distance = Vector3::new(x, height, z).norm();
@@ -104,6 +116,25 @@ impl Scene {
         let made = |&(pose, covariance, class)| FrameObject::new(pose, covariance, BOTTOM_CENTRE, class).unwrap();
         self.objects.iter().map(made).collect()
     }
+}
+
+/// The nominal view of a camera on a car, the mean true one of a drive, and the true log sizes of two classes.
+pub fn drive(random: &mut Random) -> (View, View, [f64; 2]) {
+    let priors = FramePriors::default();
+    let nominal = View::new(camera(), Tilt::default()).unwrap().with_height(1.6).unwrap();
+    let tilt = Tilt { pitch: priors.pitch_sigma * random.normal(), roll: priors.roll_sigma * random.normal() };
+    let height = 1.6 * (priors.height_sigma * random.normal()).exp();
+    let truth = View::new(camera(), tilt).unwrap().with_height(height).unwrap();
+    (nominal, truth, [0, 1].map(|k| priors.scales[k].sigma * random.normal()))
+}
+
+/// A frame of a drive: its own tilt and height about the mean.
+pub fn camera_scene(random: &mut Random, nominal: &View, mean: &View, class_sizes: &[f64; 2]) -> Scene {
+    let degrees = |sigma: f64, random: &mut Random| sigma.to_radians() * random.normal();
+    let tilt = Tilt { pitch: mean.tilt.pitch + degrees(0.3, random), roll: mean.tilt.roll + degrees(0.7, random) };
+    let height = mean.height.unwrap() * (0.02 * random.normal()).exp();
+    let truth = View::new(mean.camera, tilt).unwrap().with_height(height).unwrap();
+    Scene::of(random, *nominal, truth, class_sizes, 5)
 }
 
 pub fn solved(scene: &Scene) -> (Frame, Vec<FrameAnswer>) {

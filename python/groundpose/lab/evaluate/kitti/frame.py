@@ -95,8 +95,8 @@ ERROR_COLUMNS = (
     *("iou_bev", "iou_3d", "distance_percent", "distance_interval_percent"),
 )
 """Of an answer; NaN without one. `depth_ground_percent`: with the distance that puts the object on a road
-at the camera's height. `distance_percent`: positive when it is too far away; `distance_interval_percent`: half
-the interval that holds the true distance in 95 % of all cases, as stated."""
+at the camera's height. `distance_percent`: positive when it is too far away;
+`distance_interval_percent`: half the interval that is said to hold the true distance in 95 % of all cases."""
 
 
 @dataclass
