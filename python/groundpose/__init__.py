@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from groundpose._core import InputError, build_info
+from groundpose.camera_state import CameraState
 from groundpose.estimate import estimate_poses
 from groundpose.frame import EstimatedView, FramePriors
 from groundpose.options import Options
@@ -38,6 +39,7 @@ _LAZY = {
 __all__ = [
     "Alternatives",
     "Camera",
+    "CameraState",
     "ClassSize",
     "EstimatedView",
     "FramePriors",

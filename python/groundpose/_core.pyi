@@ -18,6 +18,7 @@ __all__ = [
     "Options",
     "View",
     "build_info",
+    "camera_state",
     "check_frame_priors",
     "default_frame_priors",
     "default_options",
@@ -136,6 +137,14 @@ def solve_frame(
     rotations: _Floats,
     translations: _Floats,
     covariances: _Floats,
+    carried: tuple[_Floats, _Floats] | None = None,
+) -> dict[str, Any]: ...
+def camera_state(
+    view: View,
+    sigmas: tuple[float, ...],
+    scales: _Floats,
+    carried: tuple[_Floats, _Floats] | None = None,
+    another_drive: bool = True,
 ) -> dict[str, Any]: ...
 def solve_p1p(
     view: View,

@@ -2,14 +2,15 @@
 
 use nalgebra::Matrix3;
 use numpy::ndarray::Array3;
-use numpy::{IntoPyArray, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::{flat, require_shape, rows};
+use super::arrays::{fixed, flat, require_shape, rows};
 use super::classes::{PyView, to_matrix};
 use super::input_error;
 use crate::error::InputError;
+use crate::estimate::camera_state::{CAMERA_NUMBERS, CameraState};
 use crate::estimate::frame::{Frame, solve_frame as solve};
 use crate::estimate::frame_answer::FrameAnswer;
 use crate::estimate::frame_object::FrameObject;
@@ -22,8 +23,13 @@ use crate::refine::covariance::PoseCovariance;
 /// The standard deviations of `FramePriors` in order, and (mean, standard deviation of it, of a vehicle) of each class.
 pub(crate) const SIGMAS: [&str; 5] = ["pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope"];
 
-/// A frame's tilt, height and sizes, and its objects' poses, in one dict of arrays.
+/// What a `CameraState` carries: its mean, and the rows of its covariance.
+type Carried<'py> = (PyReadonlyArray1<'py, f64>, PyReadonlyArray2<'py, f64>);
+
+/// A frame's tilt, height and sizes, and its objects' poses, in one dict of arrays; with what is known of the camera, that
+/// after the frame too.
 #[pyfunction]
+#[pyo3(signature = (view, sigmas, scales, classes, bottom_centres, rotations, translations, covariances, carried=None))]
 #[expect(clippy::too_many_arguments, reason = "one private call with everything a frame needs")]
 pub(crate) fn solve_frame<'py>(
     py: Python<'py>,
@@ -35,6 +41,7 @@ pub(crate) fn solve_frame<'py>(
     rotations: PyReadonlyArray3<'py, f64>,
     translations: PyReadonlyArray2<'py, f64>,
     covariances: PyReadonlyArray3<'py, f64>,
+    carried: Option<Carried<'py>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let count = classes.len();
     require_shape("R", &rotations.as_array(), &[count, 3, 3])?;
@@ -53,11 +60,59 @@ pub(crate) fn solve_frame<'py>(
     };
     let objects = (0..count).map(object).collect::<Result<Vec<_>, InputError>>()?;
     let mut answers = vec![FrameAnswer::default(); count];
-    let frame = solve(&view.0, &priors, &objects, &mut answers)?;
     let dict = PyDict::new(py);
+    let frame = match carried {
+        None => solve(&view.0, &priors, &objects, &mut answers)?,
+        Some(carried) => {
+            let mut state = state(view, priors, &carried)?;
+            let frame = state.solve(&objects, &mut answers)?;
+            add_state(&dict, &state)?;
+            frame
+        }
+    };
     add_frame(&dict, &frame)?;
     add_answers(&dict, &answers, &frame)?;
     Ok(dict)
+}
+
+/// What is known of a camera at first, or with what was carried, with another drive its tilt unknown again.
+#[pyfunction]
+#[pyo3(signature = (view, sigmas, scales, carried=None, another_drive=true))]
+pub(crate) fn camera_state<'py>(
+    py: Python<'py>,
+    view: &PyView,
+    sigmas: [f64; 5],
+    scales: PyReadonlyArray2<'py, f64>,
+    carried: Option<Carried<'py>>,
+    another_drive: bool,
+) -> PyResult<Bound<'py, PyDict>> {
+    let priors = priors(sigmas, rows::<3, _>("scales", &scales)?)?;
+    let state = match carried {
+        None => CameraState::new(&view.0, priors)?,
+        Some(carried) => {
+            let mut state = state(view, priors, &carried)?;
+            if another_drive {
+                state.start_drive();
+            }
+            state
+        }
+    };
+    let dict = PyDict::new(py);
+    add_state(&dict, &state)?;
+    Ok(dict)
+}
+
+fn state(view: &PyView, priors: FramePriors, (mean, covariance): &Carried) -> PyResult<CameraState> {
+    let mean = flat("mean", mean)?.try_into();
+    let mean = mean.map_err(|_| input_error("mean", &format!("{CAMERA_NUMBERS} numbers"), "another length"))?;
+    let covariance = fixed::<CAMERA_NUMBERS, CAMERA_NUMBERS, _>("covariance", covariance)?;
+    Ok(CameraState::new(&view.0, priors)?.with_numbers(mean, covariance))
+}
+
+fn add_state(dict: &Bound<'_, PyDict>, state: &CameraState) -> PyResult<()> {
+    dict.set_item("state_mean", state.mean().to_vec().into_pyarray(dict.py()))?;
+    dict.set_item("state_covariance", to_matrix(dict.py(), &state.covariance())?)?;
+    dict.set_item("state_conflict", state.height_conflict())
 }
 
 /// The defaults of the standard deviations, and of a class's size.

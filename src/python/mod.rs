@@ -56,6 +56,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(options::default_options, module)?)?;
     module.add_function(wrap_pyfunction!(batch::estimate_batch, module)?)?;
     module.add_function(wrap_pyfunction!(frame::solve_frame, module)?)?;
+    module.add_function(wrap_pyfunction!(frame::camera_state, module)?)?;
     module.add_function(wrap_pyfunction!(frame::default_frame_priors, module)?)?;
     module.add_function(wrap_pyfunction!(frame::check_frame_priors, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p1p, module)?)?;

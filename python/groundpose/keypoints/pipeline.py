@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error, integer, number, shaped, type_error
+from groundpose.camera_state import CameraState
 from groundpose.estimate import estimate_poses
 from groundpose.formats.detections import bboxes_of
 from groundpose.frame import FramePriors
@@ -161,7 +162,7 @@ class Pipeline:
         bboxes: object,
         view: View,
         frame_tilt_sigma: float | None = None,
-        frame: FramePriors | None = None,
+        frame: FramePriors | CameraState | None = None,
     ) -> VehiclePoses:
         """Poses of the vehicles in boxes of an image.
 
