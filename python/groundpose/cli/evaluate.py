@@ -11,7 +11,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from groundpose.cli.evaluate_lab import detector, networks, pages, real, shapes, targets
+from groundpose.cli.evaluate_lab import detector, distance, networks, pages, real, shapes, targets
 from groundpose.cli.evaluate_sets import apollo, bar, speed, tilt
 from groundpose.cli.inputs import NetworkFile
 from groundpose.cli.output import complain, console, mistakes
@@ -269,5 +269,5 @@ def figure6(
     typer.echo(f"Picture: {out.resolve()}")
 
 
-for command in (apollo, tilt, speed, targets, real, networks, shapes, detector, pages):
+for command in (apollo, tilt, speed, targets, real, networks, shapes, detector, distance, pages):
     app.command()(command)

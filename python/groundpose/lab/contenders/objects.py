@@ -68,7 +68,7 @@ class Objects:
     """A library is not asked with fewer keypoints; a fourth tells the solutions of three apart."""
     frame_tilt_sigma: float | None = None
     """Radians; the tilt of the view is estimated from all objects first when it is given."""
-    frame: gp.FramePriors | None = None
+    frame: gp.FramePriors | gp.CameraState | None = None
     """What is known of the frame, for contenders that take its objects together."""
     keypoint_error_factor: float | None = None
     """Of the keypoints, as in `groundpose.Options`."""

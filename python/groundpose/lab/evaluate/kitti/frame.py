@@ -200,7 +200,7 @@ def evaluate(
         result.seconds[name] = clock.seconds
         answers[name] = as_results(frame, prepared, poses)
         overlaps = Overlaps.of(answers[name], frame.labels)
-        result.errors[name] = _errors(frame, prepared, poses, overlaps)
+        result.errors[name] = errors_of(frame, prepared, poses, overlaps)
         result.hits[name] = {
             class_name: judge(frame.labels, answers[name], class_name, overlaps)
             for class_name in task.classes
@@ -239,7 +239,7 @@ def _label_row(label: KittiLabel, frame: KittiFrame, task: Task) -> list[float]:
     ]
 
 
-def _errors(
+def errors_of(
     frame: KittiFrame, prepared: Prepared, poses: gp.PoseBatch, overlaps: Overlaps
 ) -> list[list[float]]:
     """One row of ERROR_COLUMNS per object with a label."""
