@@ -205,6 +205,23 @@ def test_a_height_or_a_region_puts_the_vehicles_on_one_road(frame):
     assert "height: expected" in one_line(run("estimate", frame, "--height", -1))
 
 
+def test_a_camera_is_learned_from_run_to_run(frame, tmp_path):
+    path = tmp_path / "camera.json"
+    arguments = ("estimate", frame, "--height", 1.5, "--learn-camera", path)
+    first = run(*arguments)
+    assert first.exit_code == 0
+    assert "CameraState" in first.stderr
+    state = gp.CameraState.load(path)
+    assert state.height == pytest.approx(1.5, rel=0.05)
+    assert state.class_scales
+    assert run(*arguments).exit_code == 0
+    name = next(iter(state.class_scales))
+    assert gp.CameraState.load(path).class_scales[name][1] < state.class_scales[name][1]
+    other = run("estimate", frame, "--height", 2.5, "--learn-camera", path)
+    assert other.exit_code == 2
+    assert "view: expected pitch, roll and height of the camera's state" in other.stderr
+
+
 def test_former_spellings_of_options_still_work(frame):
     refused = run("estimate", frame, "--model", "mine.onnx")
     assert "--network: is for images" in one_line(refused)

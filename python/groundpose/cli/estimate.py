@@ -14,6 +14,7 @@ import typer
 
 from groundpose._core import InputError
 from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.options import takes_options
 from groundpose.cli.output import FORMATS, Output, Pictures, Style, mistakes, refuse
 from groundpose.cli.run import Mounting, Result, run
@@ -98,6 +99,15 @@ def estimate(
             show_default="every vehicle alone",
         ),
     ] = None,
+    learn_camera: Annotated[
+        Path | None,
+        typer.Option(
+            help="Learn the camera's height, mean tilt and the sizes of vehicles from frame to frame; a file "
+            "(.json) to go on with and to write.",
+            metavar="FILE",
+            show_default="every frame alone",
+        ),
+    ] = None,
     frame_tilt_sigma_deg: Annotated[
         float | None,
         typer.Option(
@@ -140,7 +150,9 @@ def estimate(
     with mistakes():
         angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
         pitch, roll, sigma = (None if angle is None else math.radians(angle) for angle in angles)
-        mounting = Mounting(pitch, roll, height, sigma, _frame(height, region))
+        frame = _frame(height, region, learn_camera)
+        learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
+        mounting = Mounting(pitch, roll, height, sigma, frame, learned)
         job = _Job(options, threads, mounting, out, form, draw)
         if boxes is not None or is_image(source):
             status = job.images(source, boxes, calib, network, vehicle_threshold, min_score, pictures)
@@ -156,9 +168,9 @@ def estimate(
     raise typer.Exit(status)
 
 
-def _frame(height: float | None, region: str | None) -> FramePriors | None:
-    """All vehicles on one road where a height or a region is given."""
-    if height is None and region is None:
+def _frame(height: float | None, region: str | None, learn_camera: Path | None) -> FramePriors | None:
+    """All vehicles on one road where a height or a region is given, or the camera is learned."""
+    if height is None and region is None and learn_camera is None:
         return None
     return FramePriors(size=SizePrior.region(region or "world"))
 
@@ -248,7 +260,7 @@ class _FrameWork:
                     **tilted.arguments,
                     options=self.options,
                     threads=self.threads,
-                    **self.mounting.arguments,
+                    **self.mounting.arguments(tilted.view),
                 )
             except InputError as error:
                 yield error
@@ -256,7 +268,7 @@ class _FrameWork:
                 yield Result(tilted, poses)
 
     def remarks(self) -> list[str]:
-        return []
+        return self.mounting.remarks()
 
 
 def _tilted_record(frame: Frame, poses: PoseBatch) -> str:

@@ -85,7 +85,7 @@ class ImageWork:
         said = [f"left out: {count} x {reason}" for reason, count in self.left_out.most_common()]
         if self.no_vehicle:
             said.append(f"{self.no_vehicle} box{'es hold' if self.no_vehicle > 1 else ' holds'} no vehicle")
-        return said
+        return said + self.mounting.remarks()
 
     def _done(
         self, label: str | int, name: str, path: Path, image: NDArray[np.uint8] | None = None
@@ -129,7 +129,7 @@ class ImageWork:
     def _poses(self, path: Path, pixels: NDArray[np.uint8], boxes: list[Box], view: View) -> VehiclePoses:
         try:
             bboxes = np.array([box.bbox for box in boxes]).reshape(-1, 4)
-            return self.pipeline(pixels, bboxes, view, **self.mounting.arguments)
+            return self.pipeline(pixels, bboxes, view, **self.mounting.arguments(view))
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
 

@@ -20,6 +20,7 @@ from rich.progress import (
 )
 
 from groundpose._core import InputError
+from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.output import Output, Pictures, complain, console
 from groundpose.formats.frames import Frame
 from groundpose.frame import FramePriors
@@ -32,7 +33,8 @@ class Mounting:
     """Pitch and roll in radians and height in metres, instead of what files say; None: what they say.
 
     `frame_sigma` is how far off the tilt may be (standard deviation) for a whole frame, whose tilt is then
-    estimated first; None: it is the frame's. With `frame` all vehicles of a frame stand on one road.
+    estimated first; None: it is the frame's. With `frame` all vehicles of a frame stand on one road,
+    with `learned` those of all frames before one camera.
     """
 
     pitch: float | None = None
@@ -40,6 +42,7 @@ class Mounting:
     height: float | None = None
     frame_sigma: float | None = None
     frame: FramePriors | None = None
+    learned: LearnedCamera | None = None
 
     def of(self, view: View) -> View:
         """The view with what is said here."""
@@ -49,10 +52,14 @@ class Mounting:
             view, pitch=pitch, roll=roll, height=view.height if self.height is None else self.height
         )
 
-    @property
-    def arguments(self) -> dict[str, Any]:
-        """For `estimate_poses` and `Pipeline`."""
-        return {"frame_tilt_sigma": self.frame_sigma, "frame": self.frame}
+    def arguments(self, view: View) -> dict[str, Any]:
+        """For `estimate_poses` and `Pipeline` in this view."""
+        frame = self.frame if self.learned is None else self.learned.of(view)
+        return {"frame_tilt_sigma": self.frame_sigma, "frame": frame}
+
+    def remarks(self) -> list[str]:
+        """What to say at the end."""
+        return [] if self.learned is None else self.learned.remarks()
 
 
 @dataclass(frozen=True)
