@@ -196,3 +196,40 @@ pub(crate) const MISFIT_CUT: f64 = 4.0;
 pub(crate) const FRAME_DOF: f64 = 4.0;
 /// The weights settle in a few steps; more change nothing that matters.
 pub(crate) const FRAME_ITERATIONS: usize = 20;
+
+// The frame as a whole (method, "how far"). Standard deviations are those that make the labels of KITTI's roads likeliest.
+
+/// Of a frame's pitch and roll about the nominal ones, radians: what braking, load and the road's camber do to a camera
+/// on a car, and how well its mounting is known.
+pub(crate) const FRAME_PITCH_SIGMA: f64 = 0.7 * (PI / 180.0);
+pub(crate) const FRAME_ROLL_SIGMA: f64 = 1.4 * (PI / 180.0);
+/// Of a nominal height, as a fraction: 5 cm of a camera on a car.
+pub(crate) const HEIGHT_SIGMA: f64 = 0.03;
+/// Of the logarithm of an unknown height about the median of what the objects say: no opinion.
+pub(crate) const UNKNOWN_HEIGHT_SIGMA: f64 = 1.0;
+/// Heights that a camera may have, metres.
+pub(crate) const HEIGHTS: [f64; 2] = [0.1, 300.0];
+/// Of the road under a vehicle about the plane through all: metres, and radians over its distance.
+pub(crate) const ROAD_ROUGHNESS: f64 = 0.041;
+pub(crate) const ROAD_SLOPE: f64 = 0.12 * (PI / 180.0);
+/// Of the mean size of a class where the region is not known, and of a vehicle about it, as fractions.
+pub(crate) const CLASS_SIZE_SIGMA: f64 = 0.08;
+pub(crate) const OWN_SIZE_SIGMA: f64 = 0.05;
+/// Of a frame's pitch, roll (radians) and log height about the mean of its drive.
+pub(crate) const PITCH_OF_FRAMES: f64 = 0.3 * (PI / 180.0);
+pub(crate) const ROLL_OF_FRAMES: f64 = 0.7 * (PI / 180.0);
+pub(crate) const HEIGHT_OF_FRAMES: f64 = 0.02;
+/// Part of a frame's information that a camera's state takes: frames of a drive show the same vehicles.
+pub(crate) const CARRIED_INFORMATION: f64 = 0.1;
+/// Degrees of freedom of contacts about the road: wrong poses, ramps. Chosen by hand.
+pub(crate) const CONTACT_DOF: f64 = 4.0;
+/// A bottom centre above this fraction of the camera's height counts as there: above the horizon there is no logarithm.
+/// Chosen by hand.
+pub(crate) const LOWEST_CONTACT: f64 = 0.15;
+/// Steps of the frame solve; it ends earlier when no unknown changes by more than the smallest step, and none is longer
+/// than the largest. Chosen by hand.
+pub(crate) const SOLVE_ITERATIONS: usize = 10;
+pub(crate) const SMALLEST_FRAME_STEP: f64 = 1e-6;
+pub(crate) const LARGEST_FRAME_STEP: f64 = 0.3;
+/// Largest pitch of a solved frame, radians: at the nadir there is no roll. Chosen by hand.
+pub(crate) const STEEPEST_PITCH: f64 = 1.5;

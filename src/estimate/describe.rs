@@ -10,7 +10,7 @@ use crate::estimate::verify::Verified;
 use crate::geometry::math::{sqrt, square};
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
-use crate::refine::covariance::{PoseCovariance, ShapeCovariance, covariance};
+use crate::refine::covariance::{Covariances, PoseCovariance, ShapeCovariance, ShapePoseCovariance, covariance};
 use crate::refine::normal::State;
 use crate::refine::schedule::{MAX_STAGES, StageStatistics};
 use crate::search::ransac::RansacStatistics;
@@ -67,6 +67,8 @@ pub struct Estimate {
     pub covariance: Option<PoseCovariance>,
     /// Covariance of the shape coefficients, if asked for.
     pub shape_covariance: Option<ShapeCovariance>,
+    /// Covariance of the shape coefficients with the pose, if asked for.
+    pub shape_pose_covariance: Option<ShapePoseCovariance>,
     /// With viewing angles of a network: probability that the object faces the other half of them. Else relative
     /// likelihood, 0 to 1, of the best pose that faces another way: near 1, it could be either.
     pub ambiguity: f64,
@@ -123,6 +125,7 @@ pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory
         noise_sigma: noise.sigma,
         covariance: certain.covariances.map(|c| c.0),
         shape_covariance: certain.covariances.map(|c| c.1),
+        shape_pose_covariance: certain.covariances.map(|c| c.2),
         ambiguity: certain.ambiguity,
         probability: certain.probability,
         evidence: certain.evidence,
@@ -162,7 +165,7 @@ struct Certainty {
     ambiguity: f64,
     evidence: Evidence,
     probability: f64,
-    covariances: Option<(PoseCovariance, ShapeCovariance)>,
+    covariances: Option<Covariances>,
     alternative: Option<Alternative>,
 }
 

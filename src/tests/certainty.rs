@@ -74,7 +74,7 @@ fn dense<const D: usize>(model: &ShapeModel, state: &State, fixture: &mut Fixtur
 fn error_factor_widens_what_the_keypoints_say() {
     each_case(|model, state, fixture| {
         for factor in [1.0, 7.5, 20.0] {
-            let (found, _) = covariance(&mut fixture.objective(model), state, 1e9, factor).unwrap();
+            let (found, ..) = covariance(&mut fixture.objective(model), state, 1e9, factor).unwrap();
             let expected = match model.eigenvalues().len() {
                 0 => dense::<6>(model, state, fixture, factor),
                 _ => dense::<JOINT>(model, state, fixture, factor),
