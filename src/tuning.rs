@@ -145,7 +145,7 @@ pub(crate) const FALSE_ALARM_LIMITS: [f64; 2] = [-40.0, 10.0];
 pub(crate) const VEHICLE_LOGIT_LIMIT: f64 = 7.0;
 /// For keypoints of the caller: bias, score level, misfit, noise, false alarms, vehicle, ambiguity. Fitted on synthetic
 /// vehicles whose keypoints have every quality (`python -m groundpose.lab.evaluate.honesty.callers`).
-pub(crate) const CALLERS_PROBABILITY: [f64; 7] = [0.76, 0.47, 0.0, -0.57, -3.76, 0.0, -0.20];
+pub(crate) const CALLERS_PROBABILITY: [f64; 7] = [1.86, 1.28, 0.0, -0.83, -0.75, 0.0, -0.20];
 /// Least probability of an answer to keypoints of the caller.
 pub(crate) const MIN_PROBABILITY: f64 = 0.0;
 /// Probability from which another reading is told.

@@ -2,8 +2,9 @@
 
 `python -m groundpose.lab.evaluate.honesty.callers` prints the coefficients that stand in `tuning.rs`
 (`CALLERS_PROBABILITY`). They are fitted on synthetic vehicles whose keypoints are made worse in every way, because
-nobody knows which keypoints a caller has. The misfit of the box is left out: synthetic boxes are exact, and
-those of callers are cut, loose or of the visible part alone.
+nobody knows which keypoints a caller has, and on some that agree but are scored as if nothing were there. The
+misfit of the box is left out: synthetic boxes are exact, and those of callers are cut, loose or of the visible
+part alone.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from groundpose.lab.metrics import RELATIVE_THRESHOLD
 FIT_SEED, TEST_SEED = 5, 9
 FITTED, TESTED = 4000, 2000
 """Vehicles with scores, and as many without."""
+IMAGINED, _IMAGINED_LOGIT = 400, -6.0
+"""Vehicles of a fit that are not there, and the mean logit of their keypoints' scores."""
 _USED = np.array([1.0, 0.0, 1.0, 1.0, 0.0, 1.0])
 """Numbers of the evidence: the misfit is not used, a vehicle's probability nobody says."""
 _ALL_WRONG, _FEWEST_SEEN = 0.25, 0.25
@@ -62,9 +65,18 @@ def _scores(rng: np.random.Generator, good: Mask) -> FloatArray:
     return np.asarray(0.5 * (1.0 + np.tanh(0.5 * logit)))
 
 
+def imagined(count: int, seed: int) -> Objects:
+    """Keypoints that agree on a vehicle, with scores that say there is none: networks see such in a background."""
+    scenes, rng = generate("vehicle", count, seed=seed), np.random.default_rng(seed)
+    logit = _IMAGINED_LOGIT + rng.normal(size=(count, 1)) + rng.normal(0.0, 0.7, scenes.keypoints_2d.shape[:2])
+    return replace(scenes, keypoint_scores=0.5 * (1.0 + np.tanh(0.5 * logit)))
+
+
 def fit() -> list[float]:
     """Bias and the coefficients of the six numbers of the evidence."""
     parts = [_answers(made_up(FITTED, FIT_SEED, scored)) for scored in (False, True)]
+    nothing, there = _answers(imagined(IMAGINED, FIT_SEED + 1))
+    parts.append((nothing, np.zeros_like(there)))
     evidence = np.concatenate([poses.evidence[poses.ok] for poses, _ in parts]) * _USED
     good = np.concatenate([is_right[poses.ok] for poses, is_right in parts])
     return logistic_regression(np.concatenate([np.ones((len(good), 1)), evidence], axis=1), good)
