@@ -53,8 +53,8 @@ class Options(Value):
         max_log10_nfa: refuse a pose when this many (log10) as good are to be expected among random
             keypoints; infinite: never refuse.
         keypoint_error_factor: how much larger the variance of the keypoints' common error is than their
-            residuals show: 1 for independent errors, 7 to 20 for a network's; it widens `covariance`. None: 1,
-            or the network's own in a `Pipeline`.
+            residuals show: 1 for independent errors, 7 to 20 for a network's; it widens `covariance`. None:
+            1, or the network's own in a `Pipeline`.
         keypoint_error_dof: degrees of freedom of Student's t of the errors of a pose, more than 2; few are
             heavy tails, see `PoseBatch.region`. None: infinite (Gaussian), or the network's own.
         probability_coefficients: of the logistic model of `probability`: a bias and one for each number of

@@ -81,8 +81,8 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     """Probability that the answer is right: yaw within 15 degrees, distance within 15 %."""
     evidence: FloatArray = field(metadata=spec(_core.EVIDENCE, written=False))
     """(6,) what `probability` follows from, 0 = not known: logit of the mean score (without scores: of the
-    fraction of inliers); log of the misfit between projected and given box against 2 % of its longer side; log
-    of `noise_sigma` against 1 % of it; `log10_nfa` / 10; logit of the probability of a vehicle; logit of
+    fraction of inliers); log of the misfit between projected and given box against 2 % of its longer side;
+    log of `noise_sigma` against 1 % of it; `log10_nfa` / 10; logit of the probability of a vehicle; logit of
     `ambiguity`."""
     confidence: Number = field(metadata=spec())
     """Probability of having drawn a good sample."""

@@ -169,6 +169,7 @@ struct Certainty {
 
 /// # Errors
 /// The pose is too improbable, or has no covariance although one is asked for.
+#[inline(always)]
 fn certainty(object: &Object, verified: &Verified, memory: &mut Memory) -> Result<Certainty, NoPose> {
     let (state, options) = (&verified.refined.state, object.options);
     let doubt = Doubt::of(object, verified);

@@ -18,7 +18,7 @@ from groundpose.options import Options
 
 # Angles: radians in the library, degrees on the command line, whose option ends in `-deg`.
 _ANGLES = ("tilt_sigma",)
-# A command line has no way to give one number per object.
+# A command line has no way to give one number per object; it gives coefficients one after the other.
 _COEFFICIENTS: Any = tuple[(float,) * (1 + _core.EVIDENCE)]  # type: ignore[misc]
 _TYPES = {"inlier_threshold": float, "probability_coefficients": _COEFFICIENTS}
 _METAVARS: dict[Any, str] = {

@@ -1,4 +1,4 @@
-"""How sure the poses of a network's keypoints are: numbers that are fitted for each network and stored in its file."""
+"""How sure the poses of a network's keypoints are: numbers fitted for each network, stored in its file."""
 
 from __future__ import annotations
 
