@@ -23,8 +23,7 @@ use crate::tuning::{
 pub enum Solver {
     /// P1P where both sides of the box are known; else P1P with the camera's height, else UP2P. In the default
     /// refinement UP2P has a second try where chance explains the answer nearly as well, and P3P a last one, without the
-    /// ground, if the tilt prior is not given,
-    /// where neither the keypoints nor the box convince: the better one is kept.
+    /// ground, where neither the keypoints nor the box convince and the tilt prior is not given: the better one is kept.
     Auto = 0,
     /// RNSC-P1P: one keypoint, two box sides, tilt.
     P1p = 1,

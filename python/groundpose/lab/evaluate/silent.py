@@ -131,19 +131,20 @@ def rows(found: dict[str, Any], before: dict[str, Any]) -> list[dict[str, Any]]:
     for case in CASES:
         now, held = (by_case[case.id, method.name] for method in (own.DEFAULT, HELD))
         limit = LIMITS.get(case.id)
+        was = former.get(case.id, {})
         table.append(
             {
                 "case": case.what,
                 "silent by yaw, %": now[_YAW],
+                "before": was.get(_YAW),
                 "target": None if limit is None else f"at most {limit:g}",
                 "met": None if limit is None else now[_YAW] <= limit,
-                "before": former.get(case.id, {}).get(_YAW),
-                "silent by rotation": now[_ROTATION],
-                "before ": former.get(case.id, {}).get(_ROTATION),
-                "held to the ground": held[_ROTATION],
-                "wrong, %": now["wrong, yaw, %"],
+                "silent by rotation, %": now[_ROTATION],
+                "by rotation, before": was.get(_ROTATION),
+                "by rotation, held to the ground": held[_ROTATION],
+                "wrong by yaw, %": now["wrong, yaw, %"],
                 "refused, %": now["refused, %"],
-                "refused before": former.get(case.id, {}).get("refused, %"),
+                "refused before": was.get("refused, %"),
             }
         )
     return table
