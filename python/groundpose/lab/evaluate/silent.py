@@ -47,9 +47,9 @@ synthetic protocol V1 with one mistake each, keypoints of the caller, no network
 
 **Silent**: status `ok`, wrong by more than 15 deg, by more than five standard deviations of the stated
 covariance of the rotation, and `ambiguity` below 0.1. *Yaw* counts the error about the object's up axis,
-*rotation* that of the whole rotation: a pose that is upright on a ground told wrongly by 20 deg has a right
-yaw and a rotation that is wrong by 20 deg. Where the keypoints say nothing of the object, every answer is
-wrong and silent.
+*rotation* that of the whole rotation: a pose that is upright where the nominal tilt is wrong by 20 deg
+has a right yaw and a rotation that is wrong by 20 deg. Where the keypoints say nothing of the object,
+every answer is wrong and silent.
 
 Against silence there are three things. Where neither the keypoints nor the box convince, a last search does
 without the ground (`solver` is then `p3p`). Keypoints in one place of the box are `degenerate`, and a pose
