@@ -1,10 +1,10 @@
 """Keypoints of the caller: how probable it is that an answer to them is right.
 
 `python -m groundpose.lab.evaluate.honesty.callers` prints the coefficients that stand in `tuning.rs`
-(`CALLERS_PROBABILITY`). They are fitted on synthetic vehicles whose keypoints are made worse in every way, because
-nobody knows which keypoints a caller has, and on some that agree but are scored as if nothing were there. The
-misfit of the box is left out: synthetic boxes are exact, and those of callers are cut, loose or of the visible
-part alone.
+(`CALLERS_PROBABILITY`). They are fitted on synthetic vehicles whose keypoints are made worse in every way,
+because nobody knows which keypoints a caller has, and on some that agree but are scored as if nothing were
+there. The misfit of the box is left out: synthetic boxes are exact, and those of callers are cut, loose or of
+the visible part alone.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ _NOISE = (0.001, 0.06)
 
 
 def made_up(count: int, seed: int, scored: bool) -> Objects:
-    """Vehicles of V1 with more noise, wrong keypoints up to all of them, fewer seen, with scores or without."""
+    """Vehicles of V1 with more noise, wrong keypoints up to all, fewer seen, with scores or without."""
     scenes, rng = generate("vehicle", count, seed=seed), np.random.default_rng([seed, scored])
     low, high = scenes.bboxes[:, None, :2], scenes.bboxes[:, None, 2:]
     side, shape = (high - low).max(axis=2), scenes.keypoints_2d.shape
     fraction = np.where(rng.random(count) < _ALL_WRONG, 1.0, rng.random(count))
     wrong = rng.random(shape[:2]) < fraction[:, None]
-    noise = np.exp(rng.uniform(*np.log(_NOISE), count))[:, None] * side
+    noise = np.exp(rng.uniform(np.log(_NOISE[0]), np.log(_NOISE[1]), count))[:, None] * side
     moved = scenes.keypoints_2d + noise[..., None] * rng.normal(size=shape)
     points = np.where(wrong[..., None], low + (high - low) * rng.random(shape), moved)
     seen = rng.random(shape[:2]) < np.exp(rng.uniform(np.log(_FEWEST_SEEN), 0.0, count))[:, None]
@@ -66,9 +66,11 @@ def _scores(rng: np.random.Generator, good: Mask) -> FloatArray:
 
 
 def imagined(count: int, seed: int) -> Objects:
-    """Keypoints that agree on a vehicle, with scores that say there is none: networks see such in a background."""
+    """Keypoints that agree, with scores that say there is no vehicle: networks see such in a background."""
     scenes, rng = generate("vehicle", count, seed=seed), np.random.default_rng(seed)
-    logit = _IMAGINED_LOGIT + rng.normal(size=(count, 1)) + rng.normal(0.0, 0.7, scenes.keypoints_2d.shape[:2])
+    logit = (
+        _IMAGINED_LOGIT + rng.normal(size=(count, 1)) + rng.normal(0.0, 0.7, scenes.keypoints_2d.shape[:2])
+    )
     return replace(scenes, keypoint_scores=0.5 * (1.0 + np.tanh(0.5 * logit)))
 
 
@@ -89,7 +91,7 @@ def _answers(objects: Objects) -> tuple[PoseBatch, Mask]:
 
 
 def judged(data: Path) -> dict[str, Any]:
-    """`probability.reliability` of the probabilities stated, by kind of keypoints; real ones from a folder."""
+    """`probability.reliability` of what is stated, by kind of keypoints; real ones from a folder."""
     found: dict[str, Objects] = {
         "synthetic vehicles (V1)": generate("vehicle", TESTED),
         "synthetic, every quality": made_up(TESTED, TEST_SEED, False),
