@@ -208,9 +208,11 @@ fn every_reason_for_no_pose_is_reached() {
         ("one pixel", NoPose::Degenerate, reason(|c| c.keypoints_2d.fill([500.0; 2]), default)),
         ("pixels on a line", NoPose::Degenerate, reason(|c| line(&mut c.keypoints_2d), default)),
         ("one point", NoPose::Degenerate, reason(|c| c.keypoints_3d.fill([0.1; 3]), default)),
+        ("pixels in one place of the box", NoPose::Degenerate, reason(|c| shrink(&mut c.keypoints_2d, 0.02), default)),
+        ("pixels of a far object", NoPose::Improbable, reason(|c| shrink(&mut c.keypoints_2d, 0.3), default)),
         ("points on a line", NoPose::Degenerate, reason(|c| line(&mut c.keypoints_3d), default)),
         ("P1P without a box", NoPose::NoHypothesis, reason(|c| c.bbox = None, p1p)),
-        ("a box elsewhere", NoPose::NoHypothesis, reason(|c| c.bbox = Some([-9e5, 0.0, -8.99e5, 9.0]), p1p)),
+        ("a box elsewhere", NoPose::NoHypothesis, reason(|c| c.bbox = Some([-9e5, 0.0, -8.999e5, 9.0]), p1p)),
         ("keypoints anywhere", NoPose::NoConsensus, reason(noise, default)),
         ("asked to be certain", NoPose::Improbable, reason(|_| (), Options { min_probability: Some(1.0), ..default })),
         ("asked too much", NoPose::NoConsensus, reason(|_| (), Options { max_log10_nfa: -1e9, ..default })),
@@ -276,5 +278,13 @@ fn a_shape_that_the_inliers_leave_free_has_a_pose_and_no_covariance() {
 fn line<const N: usize>(points: &mut [[f64; N]]) {
     for (k, point) in points.iter_mut().enumerate() {
         *point = core::array::from_fn(|axis| 3.0 + (axis as f64 + 1.0) * k as f64);
+    }
+}
+
+/// A picture of the object, smaller by this factor, about its first keypoint.
+fn shrink(pixels: &mut [[f64; 2]], factor: f64) {
+    let first = pixels[0];
+    for pixel in pixels {
+        *pixel = [0, 1].map(|axis| first[axis] + factor * (pixel[axis] - first[axis]));
     }
 }

@@ -14,10 +14,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from groundpose._core import InputError, build_info
+from groundpose.camera_state import CameraState
 from groundpose.estimate import estimate_poses
+from groundpose.frame import EstimatedView, FramePriors
 from groundpose.options import Options
 from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
+from groundpose.sizes import ClassSize, SizePrior
 from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
@@ -36,6 +39,10 @@ _LAZY = {
 __all__ = [
     "Alternatives",
     "Camera",
+    "CameraState",
+    "ClassSize",
+    "EstimatedView",
+    "FramePriors",
     "InputError",
     "Network",
     "Options",
@@ -43,6 +50,7 @@ __all__ = [
     "Pose",
     "PoseBatch",
     "ShapeModel",
+    "SizePrior",
     "VehiclePoses",
     "View",
     "__version__",

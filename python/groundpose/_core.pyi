@@ -18,9 +18,13 @@ __all__ = [
     "Options",
     "View",
     "build_info",
+    "camera_state",
+    "check_frame_priors",
+    "default_frame_priors",
     "default_options",
     "estimate_batch",
     "region_radius2",
+    "solve_frame",
     "solve_p1p",
     "solve_p1p_height",
     "solve_p3p",
@@ -122,6 +126,26 @@ def estimate_batch(
     viewing_angle_probabilities: _Floats | None = None,
 ) -> dict[str, Any]: ...
 def region_radius2(level: float, dimensions: int, dof: float) -> float: ...
+def default_frame_priors() -> dict[str, float]: ...
+def check_frame_priors(sigmas: tuple[float, ...], scales: _Floats) -> None: ...
+def solve_frame(
+    view: View,
+    sigmas: tuple[float, ...],
+    scales: _Floats,
+    classes: list[int],
+    bottom_centres: _Floats,
+    rotations: _Floats,
+    translations: _Floats,
+    covariances: _Floats,
+    carried: tuple[_Floats, _Floats] | None = None,
+) -> dict[str, Any]: ...
+def camera_state(
+    view: View,
+    sigmas: tuple[float, ...],
+    scales: _Floats,
+    carried: tuple[_Floats, _Floats] | None = None,
+    another_drive: bool = True,
+) -> dict[str, Any]: ...
 def solve_p1p(
     view: View,
     model: Model,

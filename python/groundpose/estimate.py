@@ -21,8 +21,11 @@ from groundpose._checks import (
     shaped,
     type_error,
 )
+from groundpose.camera_state import CameraState
+from groundpose.frame import FramePriors
 from groundpose.options import Options
 from groundpose.poses import PoseBatch
+from groundpose.road import check_frame, estimate_frame
 from groundpose.shape import ShapeModel
 from groundpose.types import View
 
@@ -53,6 +56,7 @@ def estimate_poses(
     frame_tilt_sigma: float | None = None,
     vehicle_probability: ArrayLike | None = None,
     viewing_angle_probabilities: ArrayLike | None = None,
+    frame: FramePriors | CameraState | None = None,
 ) -> PoseBatch:
     """The pose (and shape) of every object of one image.
 
@@ -74,6 +78,10 @@ def estimate_poses(
         vehicle_probability: (N,) that there is a vehicle at all, as a network says it; NaN, None: not said.
         viewing_angle_probabilities: (N, 16) of the angle from which a network sees the object, KITTI's alpha,
             bin b centred on b * 22.5 degrees; they give `ambiguity` and `alternatives`. NaN, None: not said.
+        frame: what is known of tilt, height, road and sizes; a `CameraState` learns from the frame. All
+            objects then stand on one road: poses, sizes and covariances are those of the whole frame,
+            `models` have the estimated sizes and `view` is an `EstimatedView`; residuals and what follows
+            from them stay those of the objects alone. None: every object alone.
 
     Returns:
         N answers, in order. An object without an answer has a `status` that says why, and NaN; its
@@ -89,6 +97,14 @@ def estimate_poses(
         raise type_error("view", "a View", view)
     if not isinstance(options, Options):
         raise type_error("options", "Options", options)
+    if frame is not None:
+        check_frame(frame, frame_tilt_sigma, options.covariance)
+        priors = frame.priors if isinstance(frame, CameraState) else frame
+        objects = (keypoints_2d, bboxes, priors.sized(models), keypoint_scores)
+        said = (vehicle_probability, viewing_angle_probabilities)
+        return estimate_frame(
+            view, frame, lambda seen: estimate_poses(seen, *objects, options, threads, None, *said)
+        )
     keypoints, lengths = _keypoints(keypoints_2d, models)
     count, width = keypoints.shape[:2]
     each = _models(models, count)
@@ -115,7 +131,9 @@ def estimate_poses(
         out[name] = words[out[name]]
     given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
     given["error_dof"] = np.inf if options.keypoint_error_dof is None else options.keypoint_error_dof
-    return PoseBatch._of(given | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
+    return PoseBatch._of(
+        given | {"tilt_covariance": _NO_COVARIANCE.copy(), "scale_covariance": None} | out | {"ok": ok}
+    )
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:

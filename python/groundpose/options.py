@@ -31,7 +31,8 @@ class Options(Value):
             unless `inlier_threshold` is given.
         confidence: wanted probability of having drawn one good sample (the stop rule of RANSAC).
         solver: of the search: "auto" (by what is known of the box; in the default refinement "up2p" has a
-            second try where the answer is doubtful), "p1p", "p3p", "up2p" or "p1p_height".
+            second try where the answer is doubtful, and "p3p" a last one, without the ground, where neither
+            keypoints nor box convince and no `tilt_sigma` is given), "p1p", "p3p", "up2p" or "p1p_height".
         cases: pairs of footprint corners that the one-point solver tries: "all", or the four of the "paper".
         scoring: "msac" (truncated squared error) or "inliers" (their number).
         refinement: "default", "hre" (algorithm 1 of the paper), "re" (its robust stage alone),
@@ -58,9 +59,10 @@ class Options(Value):
         keypoint_error_dof: degrees of freedom of Student's t of the errors of a pose, more than 2; few are
             heavy tails, see `PoseBatch.region`. None: infinite (Gaussian), or the network's own.
         probability_coefficients: of the logistic model of `probability`: a bias and one for each number of
-            `evidence`; None: those for keypoints of the caller, or the network's own.
-        min_probability: answers less probable to be right get the status "improbable"; 0: none does. None:
-            the default for keypoints of the caller, or the network's own.
+            `evidence`; None: those for keypoints of the caller, with scores or without, or the network's own.
+        min_probability: answers less probable to be right get the status "improbable", as do poses that
+            look far smaller than their boxes; 0: none does; None: the network's own, or for keypoints of
+            the caller 0.15 in the default refinement and 0 in the paper's.
         score_weights: whether keypoint scores weigh the residuals (they order the draws in any case).
         seed: of the random draws; an object's draws depend on it and the object's index only.
 

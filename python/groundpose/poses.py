@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from groundpose import _core
 from groundpose._checks import FloatArray, input_error, integer, number, type_error
+from groundpose.remarks import tilt_remarks
 from groundpose.shape import ShapeModel
 from groundpose.types import View
 
@@ -102,6 +103,8 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     """(M,) coefficients of the model's modes."""
     shape_covariance: FloatArray = field(metadata=spec("M", "M"))
     """(M, M) of the coefficients."""
+    shape_pose_covariance: FloatArray = field(metadata=spec("M", 6, written=False))
+    """(M, 6) of the coefficients with the pose."""
     solver: Text = field(metadata=spec())
     """The minimal solver that found the pose."""
     iterations: Count = field(metadata=spec())
@@ -177,10 +180,13 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     NaN for keypoints (False in the mask) and 0 for modes.
 
     Attributes:
-        view: camera and tilt the poses belong to: nominal, or estimated from the whole frame.
+        view: camera, tilt and height the poses belong to: nominal, or estimated from the whole frame; with
+            `frame` an `EstimatedView`.
         tilt_covariance: (2, 2) radians^2 of the estimated pitch and roll; NaN when the tilt is nominal.
         bboxes: (N, 4) `left, top, right, bottom` pixels, a copy of what was given, NaN = not known.
         models: N shape models.
+        scale_covariance: (N, M + 1) covariance of the logarithm of each model's scale with the coefficients,
+            and its variance; None without `frame`.
         error_dof: degrees of freedom of Student's t of the errors, see `region`; infinite: Gaussian.
     """
 
@@ -189,6 +195,46 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     bboxes: FloatArray
     models: tuple[ShapeModel, ...]
     error_dof: float = np.inf
+    scale_covariance: FloatArray | None = None
+
+    @property
+    def size(self) -> FloatArray:
+        """(N, 3) metres, length, height, width of the estimated shapes' 3D boxes; NaN without an answer."""
+        return self._sizes()[0]
+
+    @property
+    def size_sigma(self) -> FloatArray:
+        """(N, 3) metres, standard deviations of `size`: of the shape, and with `frame` of the scale too."""
+        size, variance = self._sizes()
+        return np.asarray(size * np.sqrt(variance))
+
+    def _sizes(self) -> tuple[FloatArray, FloatArray]:
+        """Sizes (N, 3) and variances (N, 3) of their logarithms."""
+        size, variance = np.full((2, len(self), 3), np.nan)
+        for k in np.flatnonzero(self.ok):
+            modes = self.models[k].modes
+            size[k], slopes = self.models[k].stretched_size(self.shape_coefficients[k])
+            own = self.shape_covariance[k, :modes, :modes]
+            variance[k] = ((own @ slopes) * slopes).sum(axis=0)
+            if self.scale_covariance is not None:
+                with_shape = self.scale_covariance[k, :modes] @ slopes
+                variance[k] += 2.0 * with_shape + self.scale_covariance[k, -1]
+        return size, np.maximum(variance, 0.0)
+
+    @property
+    def position(self) -> FloatArray:
+        """(N, 3) metres, the middle of each bottom face in the ground frame of `view`: right, down and
+        forward of the camera; NaN without an answer."""
+        middles = np.array([model.bottom_centre for model in self.models]).reshape(-1, 3, 1)
+        places = (self.R @ middles)[..., 0] + self.t
+        return np.asarray(places @ self.view.R_camera_from_ground)
+
+    @property
+    def heading(self) -> FloatArray:
+        """(N,) radians, direction of each object in the ground frame of `view`: 0 = away from the camera,
+        pi / 2 = to the right."""
+        ahead = self.R[:, :, 2] @ self.view.R_camera_from_ground
+        return np.asarray(np.arctan2(ahead[:, 0], ahead[:, 2]))
 
     @property
     def alternatives(self) -> Alternatives:
@@ -200,6 +246,14 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
             covariance=self.alternative_covariance,
             probability=self.alternative_probability,
         )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What looks wrong in the input, a sentence each, judged from all objects; empty when nothing does:
+        "the vehicles disagree with the nominal pitch by 20 deg". Computed when it is asked for."""
+        if np.isfinite(self.tilt_covariance).all():  # the tilt is that of the objects
+            return self.view.remarks
+        return self.view.remarks + tilt_remarks(self.view, self.R[self.ok], self.covariance[self.ok])
 
     def region(self, level: float = 0.95, dimensions: int = 6) -> float:
         """Squared Mahalanobis distance within which the truth lies with the probability `level`.

@@ -28,6 +28,9 @@ ARRAYS: dict[str, tuple[int | str, ...]] = {
 """The arrays of a model and their shapes: what files of models hold, beside names."""
 _ALWAYS = ("keypoints_3d", "bbox_3d", "basis", "eigenvalues")
 
+_LENGTH_HEIGHT_WIDTH = [2, 1, 0]
+"""Axes of the object frame in this order."""
+
 # Modes whose standard deviation over the model's size is below this are rounding errors of equal models.
 _NO_DEVIATION = 1e-12
 
@@ -136,6 +139,17 @@ class ShapeModel(Value):
         factor = np.divide(after, before, out=np.ones(3), where=before > 0.0)
         return np.asarray(fixed + factor * (self.bbox_3d - fixed))
 
+    def stretched_size(self, shape_coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Length, height and width (3,) of `stretched_bbox_3d`, metres, and the derivatives (M, 3) of their
+        logarithms by the coefficients."""
+        low, high = self.stretched_bbox_3d(shape_coefficients)
+        points = self.keypoints(shape_coefficients[: self.modes]) if self.modes else self.keypoints_3d
+        axes = np.arange(3)
+        moved = self.basis[:, points.argmax(axis=0), axes] - self.basis[:, points.argmin(axis=0), axes]
+        extent_now = np.ptp(points, axis=0)
+        slopes = np.divide(moved, extent_now, out=np.zeros_like(moved), where=extent_now > 0.0)
+        return (high - low)[_LENGTH_HEIGHT_WIDTH], slopes[:, _LENGTH_HEIGHT_WIDTH]
+
     @property
     def bottom_centre(self) -> FloatArray:
         """Middle (3,), metres, of the bottom face of the 3D box."""
@@ -220,6 +234,11 @@ class ShapeModel(Value):
             self.name,
             bbox_basis,
         )
+
+    def resized(self, factor: float) -> ShapeModel:
+        """The model `factor` times as large, with the same proportions."""
+        length, height, width = self.size
+        return self.scaled(factor * length, factor * height, factor * width)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the model to `path` (.npz, arrays and strings only)."""

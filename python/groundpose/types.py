@@ -176,6 +176,11 @@ class View(Value):
         """Rotation (3, 3) from the ground frame to the camera frame."""
         return self._handle.R_camera_from_ground
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What looks wrong in it, in words; of a nominal view nothing is known."""
+        return ()
+
     def horizon(self) -> tuple[float, float, float]:
         """`(a, b, c)` of the horizon's line `a u + b v + c = 0` in undistorted pixels."""
         return self._handle.horizon()

@@ -9,7 +9,7 @@ use crate::geometry::math::{atan2, cos, exp, square};
 use crate::geometry::pose::Pose;
 use crate::model::observation::VIEWING_ANGLES;
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
-use crate::refine::covariance::{PoseCovariance, ShapeCovariance};
+use crate::refine::covariance::{Covariances, PoseCovariance};
 use crate::refine::normal::State;
 use crate::tuning::{AMBIGUITY_NOISE, LEAST_ALTERNATIVE};
 
@@ -94,7 +94,7 @@ impl Doubt {
         state: &State,
         right: f64,
         own: Option<&PoseCovariance>,
-        uncertainty: &mut impl FnMut(&State) -> Option<(PoseCovariance, ShapeCovariance)>,
+        uncertainty: &mut impl FnMut(&State) -> Option<Covariances>,
     ) -> Option<Alternative> {
         let (source, [other, this]) = self.other?;
         let probability = probability(other, this, right)?;

@@ -1,12 +1,16 @@
-//! How an object is searched: with the solver that its box allows, and where that is not sure, once more without it.
+//! How an object is searched: with the solver that its box allows; where that is not sure, once more without the box, and
+//! where what was found does not convince, at last without the ground.
 
 use crate::estimate::object::Object;
-use crate::estimate::options::Solver;
+use crate::estimate::options::{Options, Solver};
 use crate::geometry::bbox::Bbox;
 use crate::geometry::math::{sqrt, square};
 use crate::geometry::pose::Pose;
 use crate::refine::schedule::Refinement;
-use crate::tuning::{BBOX_ROOM, CANDIDATES, DOUBTFUL, MIN_DRAWS, SECOND_TRY, SMALLEST_LOOK, WORST_CANDIDATE};
+use crate::tuning::{
+    BBOX_ROOM, CANDIDATES, DOUBTFUL, LAST_DRAWS, LAST_TRY, MIN_DRAWS, MISFIT_UNCONVINCING, MISFIT_WITHOUT_GROUND,
+    SECOND_TRY, SMALLEST_LOOK, UNCONVINCING, WORST_CANDIDATE,
+};
 
 /// One way to find a pose.
 pub(crate) struct Attempt {
@@ -15,6 +19,8 @@ pub(crate) struct Attempt {
     pub(crate) bbox: Bbox,
     /// Largest depth, metres, where there is one.
     pub(crate) farthest: Option<f64>,
+    /// Largest misfit of the 2D box, where there is one.
+    pub(crate) worst_misfit: Option<f64>,
     /// What it costs to have tried: added to the log10 of false alarms.
     pub(crate) price: f64,
     pub(crate) plan: Plan,
@@ -55,7 +61,7 @@ impl Attempt {
             Solver::Auto => (allowed_solver(object), object.usable_bbox),
             solver => (solver, object.given_bbox()),
         };
-        Self { solver, bbox, farthest: None, price: 0.0, plan }
+        Self { solver, bbox, farthest: None, worst_misfit: None, price: 0.0, plan }
     }
 
     /// By two keypoints without the box, where the solver is ours to choose, the first attempt used the box, and what
@@ -67,12 +73,29 @@ impl Attempt {
             return None;
         }
         let farthest = Some(farthest(object, &self.bbox));
-        Some(Self { solver: Solver::Up2p, bbox: self.bbox, farthest, price: SECOND_TRY, plan: self.plan })
+        Some(Self { solver: Solver::Up2p, farthest, price: SECOND_TRY, ..*self })
     }
 
-    /// Whether a pose is where this attempt may find one: the refinement may have moved it.
-    pub(crate) fn allows(&self, pose: &Pose) -> bool {
+    /// By three keypoints without the ground, of which the nominal tilt may be wrong, or on which the object may not
+    /// stand: where the solver and the ground's say are ours to choose, and what was found (false alarms, misfit of the
+    /// box) does not convince. With the options that forget the ground.
+    pub(crate) fn last(&self, object: &Object, found: Option<[f64; 2]>) -> Option<(Self, Options)> {
+        let options = object.options;
+        let is_ours = options.solver == Solver::Auto && options.tilt_sigma.is_none() && self.plan.doubtful.is_some();
+        let convinces = |[log10_nfa, misfit]: [f64; 2]| log10_nfa <= UNCONVINCING && misfit <= MISFIT_UNCONVINCING;
+        if !is_ours || found.is_some_and(convinces) {
+            return None;
+        }
+        let (farthest, worst_misfit) = (Some(farthest(object, &self.bbox)), Some(MISFIT_WITHOUT_GROUND));
+        let attempt = Self { solver: Solver::P3p, farthest, worst_misfit, price: LAST_TRY, ..*self };
+        let tilt_sigma = Some(f64::INFINITY);
+        Some((attempt, Options { tilt_sigma, max_iterations: options.max_iterations.min(LAST_DRAWS), ..*options }))
+    }
+
+    /// Whether a pose is where this attempt may find one (the refinement may have moved it), and looks as it must.
+    pub(crate) fn allows(&self, pose: &Pose, misfit: f64) -> bool {
         self.farthest.is_none_or(|farthest| pose.t.z <= farthest)
+            && self.worst_misfit.is_none_or(|worst| misfit <= worst)
     }
 }
 

@@ -10,9 +10,8 @@ use crate::estimate::verify::Verified;
 use crate::geometry::math::{sqrt, square};
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
-use crate::refine::covariance::{PoseCovariance, ShapeCovariance, covariance};
+use crate::refine::covariance::{Covariances, PoseCovariance, ShapeCovariance, ShapePoseCovariance, covariance};
 use crate::refine::normal::State;
-use crate::refine::objective::Objective;
 use crate::refine::schedule::{MAX_STAGES, StageStatistics};
 use crate::search::ransac::RansacStatistics;
 use crate::search::score::truncated;
@@ -68,6 +67,8 @@ pub struct Estimate {
     pub covariance: Option<PoseCovariance>,
     /// Covariance of the shape coefficients, if asked for.
     pub shape_covariance: Option<ShapeCovariance>,
+    /// Covariance of the shape coefficients with the pose, if asked for.
+    pub shape_pose_covariance: Option<ShapePoseCovariance>,
     /// With viewing angles of a network: probability that the object faces the other half of them. Else relative
     /// likelihood, 0 to 1, of the best pose that faces another way: near 1, it could be either.
     pub ambiguity: f64,
@@ -99,7 +100,7 @@ impl Estimate {
 /// It does not, it has no numbers, or it is too improbable.
 #[inline(never)]
 pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory) -> Result<Estimate, NoPose> {
-    let Verified { refined, solver, ransac, noise, log10_nfa } = verified;
+    let Verified { refined, solver, ransac, noise, log10_nfa, .. } = verified;
     let (state, threshold) = (&refined.state, object.inlier_threshold);
     if !state.pose.is_rigid() {
         return Err(NoPose::Degenerate);
@@ -124,6 +125,7 @@ pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory
         noise_sigma: noise.sigma,
         covariance: certain.covariances.map(|c| c.0),
         shape_covariance: certain.covariances.map(|c| c.1),
+        shape_pose_covariance: certain.covariances.map(|c| c.2),
         ambiguity: certain.ambiguity,
         probability: certain.probability,
         evidence: certain.evidence,
@@ -163,7 +165,7 @@ struct Certainty {
     ambiguity: f64,
     evidence: Evidence,
     probability: f64,
-    covariances: Option<(PoseCovariance, ShapeCovariance)>,
+    covariances: Option<Covariances>,
     alternative: Option<Alternative>,
 }
 
@@ -174,13 +176,14 @@ fn certainty(object: &Object, verified: &Verified, memory: &mut Memory) -> Resul
     let (state, options) = (&verified.refined.state, object.options);
     let doubt = Doubt::of(object, verified);
     let visible = memory.keypoints.visible;
-    let mut objective = objective(object, memory.keypoints.lend(), verified.noise.sigma);
-    let facts = facts(object, verified, &mut objective, visible, doubt.ambiguity);
-    let evidence = facts.evidence();
-    let probability = probability(&options.effective_probability_coefficients(), &evidence);
-    if facts.looks_too_small(&object.usable_bbox) || !(probability >= options.effective_min_probability()) {
+    let evidence = facts(object, verified, visible, doubt.ambiguity).evidence();
+    let coefficients = options.effective_probability_coefficients(object.observation.has_scores());
+    let probability = probability(&coefficients, &evidence);
+    let least = options.effective_min_probability();
+    if least > 0.0 && (verified.looks.too_small || !(probability >= least)) {
         return Err(NoPose::Improbable);
     }
+    let mut objective = objective(object, memory.keypoints.lend(), verified.noise.sigma);
     let factor = options.effective_keypoint_error_factor();
     let mut uncertainty = |state: &State| covariance(&mut objective, state, object.inlier_threshold, factor);
     let covariances = if options.covariance { Some(uncertainty(state).ok_or(NoPose::Degenerate)?) } else { None };
@@ -191,24 +194,12 @@ fn certainty(object: &Object, verified: &Verified, memory: &mut Memory) -> Resul
 }
 
 /// What the evidence for a pose is made of.
-fn facts<'a>(
-    object: &'a Object,
-    verified: &Verified,
-    objective: &mut Objective,
-    visible: &'a [u32],
-    ambiguity: f64,
-) -> Facts<'a> {
-    let bbox = &object.usable_bbox;
-    let is_known = [bbox.left, bbox.top, bbox.right, bbox.bottom].iter().any(|side| !side.is_nan());
-    // Where the box only makes hypotheses, its sides still tell how well it agrees.
-    let bbox_sigma = core::mem::replace(&mut objective.priors.bbox_sigma, 1.0);
-    let sides = if is_known { objective.sides(&verified.refined.state) } else { None };
-    objective.priors.bbox_sigma = bbox_sigma;
+fn facts<'a>(object: &'a Object, verified: &Verified, visible: &'a [u32], ambiguity: f64) -> Facts<'a> {
     Facts {
         observation: object.observation,
         visible,
-        sides,
-        longer_side: object.observation.bbox().and_then(|b| b.longer_side()).unwrap_or(sqrt(object.noise.area)),
+        misfit: verified.looks.misfit,
+        longer_side: object.size(),
         noise_sigma: verified.noise.sigma,
         inlier_fraction: verified.noise.inlier_fraction,
         log10_nfa: verified.log10_nfa,

@@ -6,9 +6,15 @@ pub mod alternative;
 pub(crate) mod attempt;
 #[cfg(feature = "rayon")]
 pub mod batch;
+pub mod camera_state;
 pub mod describe;
 pub mod estimator;
+pub mod frame;
+pub mod frame_answer;
+pub mod frame_object;
+pub mod frame_priors;
 pub mod frame_tilt;
+pub(crate) mod looks;
 pub(crate) mod object;
 pub mod options;
 pub(crate) mod pipeline;

@@ -7,7 +7,7 @@ use crate::error::NoPose;
 use crate::estimate::options::Options;
 use crate::estimate::workspace::Buffers;
 use crate::geometry::bbox::Bbox;
-use crate::geometry::math::square;
+use crate::geometry::math::{sqrt, square};
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
 use crate::refine::keypoints::Keypoints;
@@ -15,9 +15,9 @@ use crate::search::noise::NoiseModel;
 use crate::simd::blocks::Block;
 use crate::simd::dispatch::VectorUnit;
 use crate::simd::lanes::LANES;
-use crate::tuning::{EXTENT_LEAVES_OUT, NOISE_PER_THRESHOLD};
+use crate::tuning::{COLLAPSED, EXTENT_LEAVES_OUT, NOISE_PER_THRESHOLD};
 
-/// Extent of the keypoints below which they are one point, pixels or metres.
+/// Extent of the model's keypoints, metres, or of those seen, pixels, below which they are one point.
 const SMALLEST_EXTENT: f64 = 1e-6;
 /// Distance from a line, as a fraction of its length, below which points are collinear.
 const COLLINEAR: f64 = 1e-6;
@@ -89,6 +89,12 @@ impl<'a> Object<'a> {
     pub(crate) fn given_bbox(&self) -> Bbox {
         given_bbox(self.observation)
     }
+
+    /// How large it looks, pixels: the longer side of the box, of which keypoints stand for unknown sides.
+    pub(crate) fn size(&self) -> f64 {
+        // The side of a square of the same area is never the longer one of a box whose sides are all known.
+        self.given_bbox().longer_side().unwrap_or(0.0).max(sqrt(self.noise.area))
+    }
 }
 
 fn given_bbox(observation: &Observation) -> Bbox {
@@ -130,14 +136,17 @@ fn fill(
     (count, weight_sum)
 }
 
-/// One point, or points on one line, in the image or on the model, have no pose.
+/// One point, or points on one line, in the image or on the model, have no pose; nor have points that are as good as one
+/// beside the 2D box.
 fn check_spread(observation: &Observation, visible: &[u32]) -> Result<(), NoPose> {
     let pixel = |i: u32| {
         let [u, v] = observation.keypoints_2d()[i as usize];
         Vector3::new(u, v, 0.0)
     };
     let point = |i: u32| Vector3::from(observation.model().mean()[i as usize]);
-    if is_collinear(visible, pixel) || is_collinear(visible, point) {
+    let longer_side = observation.bbox().and_then(|bbox| bbox.longer_side()).unwrap_or(0.0);
+    let collapsed = SMALLEST_EXTENT.max(COLLAPSED * longer_side);
+    if is_collinear(visible, pixel, collapsed) || is_collinear(visible, point, SMALLEST_EXTENT) {
         return Err(NoPose::Degenerate);
     }
     Ok(())
@@ -176,8 +185,8 @@ fn extent(observation: &Observation, visible: &[u32], values: &mut [f64]) -> [f6
     })
 }
 
-/// Whether points are one point or lie on one line.
-fn is_collinear(indices: &[u32], position: impl Fn(u32) -> Vector3<f64>) -> bool {
+/// Whether points are as near to the first as `one_point`, or lie on one line.
+fn is_collinear(indices: &[u32], position: impl Fn(u32) -> Vector3<f64>, one_point: f64) -> bool {
     let first = position(indices[0]);
     let (mut axis, mut extent2) = (Vector3::zeros(), 0.0);
     for &i in indices {
@@ -188,6 +197,5 @@ fn is_collinear(indices: &[u32], position: impl Fn(u32) -> Vector3<f64>) -> bool
         }
     }
     let limit = square(COLLINEAR * extent2);
-    extent2 <= square(SMALLEST_EXTENT)
-        || indices.iter().all(|&i| (position(i) - first).cross(&axis).norm_squared() <= limit)
+    extent2 <= square(one_point) || indices.iter().all(|&i| (position(i) - first).cross(&axis).norm_squared() <= limit)
 }

@@ -7,8 +7,8 @@ use crate::refine::region::region_radius2;
 use crate::refine::schedule::Refinement;
 use crate::search::score::Scoring;
 use crate::tuning::{
-    CALLERS_PROBABILITY, HRE_THRESHOLDS, MAX_LOG10_NFA, MIN_PROBABILITY, OBJECT_TILT_SIGMA, RELATIVE_BBOX_SIGMA,
-    RELATIVE_THRESHOLD,
+    HRE_THRESHOLDS, MAX_LOG10_NFA, MIN_PROBABILITY, OBJECT_TILT_SIGMA, PROBABILITY_WITH_SCORES,
+    PROBABILITY_WITHOUT_SCORES, RELATIVE_BBOX_SIGMA, RELATIVE_THRESHOLD,
 };
 
 /// Which minimal solver makes the hypotheses.
@@ -22,7 +22,8 @@ use crate::tuning::{
 #[repr(u8)]
 pub enum Solver {
     /// P1P where both sides of the box are known; else P1P with the camera's height, else UP2P. In the default
-    /// refinement UP2P has a second try where chance explains the answer nearly as well: the better one is kept.
+    /// refinement UP2P has a second try where chance explains the answer nearly as well, and P3P a last one, without the
+    /// ground, where neither the keypoints nor the box convince and the tilt prior is not given: the better one is kept.
     Auto = 0,
     /// RNSC-P1P: one keypoint, two box sides, tilt.
     P1p = 1,
@@ -69,7 +70,7 @@ impl Solver {
 /// assert_eq!(ours.effective_tilt_sigma(), Options::OBJECT_TILT_SIGMA);
 /// assert_eq!((ours.effective_bbox_sigma(4.0), ours.effective_shape_prior()), (8.0, true));
 /// // Keypoints of the caller err independently; those of a network do not, and have heavy tails.
-/// let (factor, coefficients) = (ours.effective_keypoint_error_factor(), ours.effective_probability_coefficients());
+/// let (factor, coefficients) = (ours.effective_keypoint_error_factor(), ours.effective_probability_coefficients(false));
 /// assert_eq!((factor, coefficients.len()), (1.0, 1 + EVIDENCE));
 /// let network = Options { keypoint_error_factor: Some(15.0), keypoint_error_dof: Some(5.6), min_probability: Some(0.5), ..ours };
 /// assert_eq!((network.effective_keypoint_error_factor(), network.effective_min_probability()), (15.0, 0.5));
@@ -126,9 +127,10 @@ pub struct Options {
     /// `None`: infinite, Gaussian errors.
     pub keypoint_error_dof: Option<f64>,
     /// Coefficients of the probability that an answer is right: a bias, and one for each number of
-    /// [`crate::estimate::probability::Evidence`]. `None`: those for keypoints of the caller.
+    /// [`crate::estimate::probability::Evidence`]. `None`: those for keypoints of the caller, with scores or without.
     pub probability_coefficients: Option<ProbabilityCoefficients>,
-    /// Least probability of an answer; 0: never refuse. `None`: that for keypoints of the caller.
+    /// Least probability of an answer; 0: never refuse, not even a pose that looks far smaller than its box. `None`: 0.15,
+    /// for keypoints of the caller, in the default refinement, and 0 in the paper's.
     pub min_probability: Option<f64>,
     /// Whether keypoint scores weigh the residuals (they always order the draws).
     pub score_weights: bool,
@@ -222,16 +224,20 @@ impl Options {
         region_radius2(level, dimensions, self.keypoint_error_dof.unwrap_or(f64::INFINITY))
     }
 
-    /// The coefficients that apply.
+    /// The coefficients that apply to keypoints with or without scores.
     #[must_use]
-    pub fn effective_probability_coefficients(&self) -> ProbabilityCoefficients {
-        self.probability_coefficients.unwrap_or(CALLERS_PROBABILITY)
+    pub fn effective_probability_coefficients(&self, has_scores: bool) -> ProbabilityCoefficients {
+        let callers = if has_scores { PROBABILITY_WITH_SCORES } else { PROBABILITY_WITHOUT_SCORES };
+        self.probability_coefficients.unwrap_or(callers)
     }
 
     /// The least probability that applies.
     #[must_use]
     pub fn effective_min_probability(&self) -> f64 {
-        self.min_probability.unwrap_or(MIN_PROBABILITY)
+        self.min_probability.unwrap_or(match self.refinement {
+            Refinement::Default => MIN_PROBABILITY,
+            _ => 0.0,
+        })
     }
 
     /// # Errors

@@ -1,16 +1,13 @@
 //! The probability that an answer is right: its yaw within 15 degrees, its distance within 15 %.
 //!
 //! A logistic model on what speaks for and against it, $`1 / (1 + \exp(-c_0 - \sum_k c_k e_k))`$ with the evidence
-//! $`e`$ of [`Evidence`]. Its coefficients are fitted on answers whose truth is known: [`CALLERS_PROBABILITY`] for
-//! keypoints of the caller, a network's own for those of a network.
+//! $`e`$ of [`Evidence`]. Its coefficients are fitted on answers whose truth is known: those in
+//! [`crate::tuning`] for keypoints of the caller, a network's own for those of a network.
 
-use crate::geometry::bbox::Bbox;
-use crate::geometry::math::{exp, log, sqrt, square};
+use crate::geometry::math::{exp, log};
 use crate::model::observation::Observation;
-use crate::refine::box_sides::Sides;
-use crate::simd::lanes::LANES;
 use crate::tuning::{
-    AMBIGUITY_LIMITS, FALSE_ALARM_LIMITS, LEAST_MISFIT, SCORE_LIMITS, SMALLEST_LOOK, TYPICAL_MISFIT, TYPICAL_NOISE,
+    AMBIGUITY_LIMITS, FALSE_ALARM_LIMITS, LEAST_MISFIT, SCORE_LIMITS, TYPICAL_MISFIT, TYPICAL_NOISE,
     VEHICLE_LOGIT_LIMIT,
 };
 
@@ -55,8 +52,8 @@ pub type ProbabilityCoefficients = [f64; 7];
 pub(crate) struct Facts<'a> {
     pub(crate) observation: &'a Observation<'a>,
     pub(crate) visible: &'a [u32],
-    /// Sides of the projected 3D box against the usable ones of the 2D box, if there are any.
-    pub(crate) sides: Option<Sides>,
+    /// Of the 2D box, as a fraction of its longer side.
+    pub(crate) misfit: Option<f64>,
     /// Pixels: the longer side of the 2D box, or what stands for it.
     pub(crate) longer_side: f64,
     /// Estimated standard deviation of a keypoint's coordinate, pixels, and fraction of inliers.
@@ -71,7 +68,7 @@ impl Facts<'_> {
         let [least, most] = FALSE_ALARM_LIMITS;
         [
             logit(self.score_level(), SCORE_LIMITS),
-            self.misfit().map_or(0.0, |misfit| log(misfit.max(LEAST_MISFIT) / TYPICAL_MISFIT)),
+            self.misfit.map_or(0.0, |misfit| log(misfit.max(LEAST_MISFIT) / TYPICAL_MISFIT)),
             log(self.noise_sigma / self.longer_side / TYPICAL_NOISE),
             self.log10_nfa.clamp(least, most) / 10.0,
             self.observation.vehicle_probability().map_or(0.0, |p| {
@@ -88,25 +85,6 @@ impl Facts<'_> {
         }
         let sum: f64 = self.visible.iter().map(|&i| self.observation.score(i as usize)).sum();
         sum / self.visible.len() as f64
-    }
-
-    /// Root mean square over the known sides, as a fraction of the longer side.
-    fn misfit(&self) -> Option<f64> {
-        let sides = self.sides.as_ref()?;
-        let (residuals, known) = (sides.residuals(), sides.block.weight.0);
-        let count: f64 = known.iter().sum();
-        let squares: f64 = (0..LANES).map(|side| known[side] * square(residuals[side])).sum();
-        (count > 0.0).then(|| sqrt(squares / count) / self.longer_side)
-    }
-
-    /// Whether the projected 3D box looks far smaller than the given 2D box, along all directions that are known.
-    pub(crate) fn looks_too_small(&self, usable: &Bbox) -> bool {
-        let Some(sides) = &self.sides else { return false };
-        let [left, top, right, bottom] = sides.residuals();
-        let looks = [(usable.right - usable.left, right - left), (usable.bottom - usable.top, bottom - top)];
-        // NaN: a side is unknown
-        let known = || looks.iter().filter(|(given, _)| !given.is_nan());
-        known().next().is_some() && known().all(|(given, longer_by)| given + longer_by < SMALLEST_LOOK * given)
     }
 }
 

@@ -137,16 +137,20 @@ fn refine_one(
 
 /// What is minimised, with priors weighed against this noise (pixels).
 pub(crate) fn objective<'m>(object: &'m Object, keypoints: Keypoints<'m>, noise_sigma: f64) -> Objective<'m> {
+    Objective { view: object.view, keypoints, priors: priors(object, noise_sigma), noise: object.noise }
+}
+
+/// Its priors.
+pub(crate) fn priors(object: &Object, noise_sigma: f64) -> Priors {
     let (bbox, camera, options) = (&object.usable_bbox, &object.view.camera, object.options);
     let [left, top] = camera.centred([bbox.left, bbox.top]);
     let [right, bottom] = camera.centred([bbox.right, bbox.bottom]);
-    let priors = Priors {
+    Priors {
         noise_sigma,
         tilt_sigma: options.effective_tilt_sigma().max(NARROWEST_TILT),
         shape: options.effective_shape_prior(),
         bbox: [left, top, right, bottom],
         use_bbox: true,
         bbox_sigma: options.effective_bbox_sigma(object.inlier_threshold),
-    };
-    Objective { view: object.view, keypoints, priors, noise: object.noise }
+    }
 }

@@ -4,6 +4,7 @@
 mod arrays;
 mod batch;
 mod classes;
+mod frame;
 mod options;
 mod outputs;
 mod solvers;
@@ -54,6 +55,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<options::PyOptions>()?;
     module.add_function(wrap_pyfunction!(options::default_options, module)?)?;
     module.add_function(wrap_pyfunction!(batch::estimate_batch, module)?)?;
+    module.add_function(wrap_pyfunction!(frame::solve_frame, module)?)?;
+    module.add_function(wrap_pyfunction!(frame::camera_state, module)?)?;
+    module.add_function(wrap_pyfunction!(frame::default_frame_priors, module)?)?;
+    module.add_function(wrap_pyfunction!(frame::check_frame_priors, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p1p, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p1p_height, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p3p, module)?)?;

@@ -21,7 +21,7 @@ struct Field<T> {
     write: fn(&Estimate, &mut [T]),
 }
 
-const NUMBERS: [Field<f64>; 21] = [
+const NUMBERS: [Field<f64>; 22] = [
     Field { name: "R", shape: |_| vec![3, 3], write: |e, out| out.copy_from_slice(e.pose.r.transpose().as_slice()) },
     Field { name: "t", shape: |_| vec![3], write: |e, out| out.copy_from_slice(e.pose.t.as_slice()) },
     Field { name: "yaw", shape: |_| vec![], write: |e, out| out[0] = e.yaw },
@@ -66,6 +66,14 @@ const NUMBERS: [Field<f64>; 21] = [
         write: |e, out| out.copy_from_slice(&e.shape_coefficients[..out.len()]),
     },
     Field { name: "shape_covariance", shape: |modes| vec![modes, modes], write: write_shape_covariance },
+    Field {
+        name: "shape_pose_covariance",
+        shape: |modes| vec![modes, 6],
+        write: |e, out| match &e.shape_pose_covariance {
+            Some(between) => (0..out.len()).for_each(|k| out[k] = between[(k / 6, k % 6)]),
+            None => out.fill(f64::NAN),
+        },
+    },
     Field {
         name: "stage_costs",
         shape: |_| vec![MAX_STAGES],

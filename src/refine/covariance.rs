@@ -45,15 +45,26 @@ pub type PoseCovariance = SMatrix<f64, 6, 6>;
 /// assert_eq!(ShapeCovariance::zeros().nrows(), MAX_MODES);
 /// ```
 pub type ShapeCovariance = SMatrix<f64, MAX_MODES, MAX_MODES>;
+/// Covariance of the shape coefficients (leading rows) with the pose (columns): when the pose moves, so does the shape.
+///
+/// ```
+/// use groundpose::{MAX_MODES, ShapePoseCovariance};
+///
+/// assert_eq!(ShapePoseCovariance::zeros().shape(), (MAX_MODES, 6));
+/// ```
+pub type ShapePoseCovariance = SMatrix<f64, MAX_MODES, 6>;
 
-/// Covariances of pose and shape, when the noise of a coordinate is that of the objective's priors and the keypoints'
+/// Covariances of a pose and a shape, and between them.
+pub(crate) type Covariances = (PoseCovariance, ShapeCovariance, ShapePoseCovariance);
+
+/// The covariances when the noise of a coordinate is that of the objective's priors and the keypoints'
 /// part is larger by `error_factor`; `None` when the inliers leave a direction free.
 pub(crate) fn covariance(
     objective: &mut Objective,
     state: &State,
     inlier_threshold: f64,
     error_factor: f64,
-) -> Option<(PoseCovariance, ShapeCovariance)> {
+) -> Option<Covariances> {
     objective.keypoints.activate_within(state, inlier_threshold);
     match padded_modes(objective.keypoints.model.eigenvalues().len()) {
         0 => inverse::<6>(objective, state, error_factor),
@@ -64,16 +75,13 @@ pub(crate) fn covariance(
 
 /// A call of its own, as [`Objective::linearise_keypoints`]: matrices of one size at a time are on the stack.
 #[inline(never)]
-fn inverse<const D: usize>(
-    objective: &mut Objective,
-    state: &State,
-    error_factor: f64,
-) -> Option<(PoseCovariance, ShapeCovariance)> {
+fn inverse<const D: usize>(objective: &mut Objective, state: &State, error_factor: f64) -> Option<Covariances> {
     let mut normal = Normal::<D>::ZERO;
     objective.linearise(state, Kernel::LeastSquares, &mut normal);
     cholesky(&mut normal.h)?;
     let keypoints = (error_factor != 1.0).then(|| objective.linearise_keypoints::<D>(state));
     let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
+    let mut between = ShapePoseCovariance::zeros();
     let modes = objective.keypoints.model.eigenvalues().len();
     for column in 0..6 + modes {
         let mut x = [0.0; D];
@@ -91,6 +99,9 @@ fn inverse<const D: usize>(
         }
         if column < 6 {
             pose.column_mut(column).copy_from_slice(&x[..6]);
+            for m in 0..modes {
+                between[(m, column)] = x[6 + m];
+            }
         } else {
             for m in 0..modes {
                 shape[(m, column - 6)] = x[6 + m];
@@ -98,10 +109,10 @@ fn inverse<const D: usize>(
         }
     }
     if error_factor == 1.0 {
-        return Some((pose, shape));
+        return Some((pose, shape, between));
     }
     // Rounding may have left nothing of a direction that the inliers hardly determine.
-    (0..6).all(|k| pose[(k, k)] > 0.0).then(|| (symmetric(pose), symmetric(shape)))
+    (0..6).all(|k| pose[(k, k)] > 0.0).then(|| (symmetric(pose), symmetric(shape), between))
 }
 
 /// Without what rounding made of a symmetric product.

@@ -58,11 +58,6 @@ impl Objective<'_> {
         normal
     }
 
-    /// Where the projected 3D box ends and where the 2D box does; none when a corner is behind the camera.
-    pub(crate) fn sides(&mut self, state: &State) -> Option<Sides> {
-        self.at(state).1.sides(state)
-    }
-
     /// The cost of [`Objective::linearise`] alone.
     pub(crate) fn cost(&mut self, state: &State, kernel: Kernel) -> f64 {
         let (unit, view) = (self.keypoints.unit, self.view);

@@ -10,7 +10,7 @@ use crate::geometry::pose::Pose;
 use crate::geometry::view::{Tilt, View};
 use crate::model::observation::VIEWING_ANGLES;
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
-use crate::refine::covariance::{PoseCovariance, covariance};
+use crate::refine::covariance::{PoseCovariance, ShapePoseCovariance, covariance};
 use crate::refine::kernels::Kernel;
 use crate::refine::normal::State;
 use crate::refine::priors::Priors;
@@ -55,7 +55,12 @@ fn each_case(f: impl Fn(&ShapeModel, &State, &mut Fixture)) {
 }
 
 /// Pose part of `H^-1 (kappa s2 K + s2 P) H^-1` from whole matrices, `K` those of the keypoints alone.
-fn dense<const D: usize>(model: &ShapeModel, state: &State, fixture: &mut Fixture, factor: f64) -> PoseCovariance {
+fn dense<const D: usize>(
+    model: &ShapeModel,
+    state: &State,
+    fixture: &mut Fixture,
+    factor: f64,
+) -> (PoseCovariance, ShapePoseCovariance) {
     let priors = fixture.priors;
     let full = |h: [[f64; D]; D]| SMatrix::<f64, D, D>::from_fn(|i, j| h[i.min(j)][i.max(j)]);
     let h = full(linearised::<D>(&mut fixture.objective(model), state, Kernel::LeastSquares).h);
@@ -67,20 +72,26 @@ fn dense<const D: usize>(model: &ShapeModel, state: &State, fixture: &mut Fixtur
     }
     let (inverse, s2) = (h.try_inverse().unwrap(), square(priors.noise_sigma));
     let middle = keypoints * (factor * s2) + (h - keypoints) * s2;
-    (inverse * middle * inverse).fixed_view::<6, 6>(0, 0).into_owned()
+    let all = inverse * middle * inverse;
+    let mut between = ShapePoseCovariance::zeros();
+    for m in 0..model.eigenvalues().len() {
+        between.row_mut(m).copy_from(&all.fixed_view::<1, 6>(6 + m, 0));
+    }
+    (all.fixed_view::<6, 6>(0, 0).into_owned(), between)
 }
 
 #[test]
 fn error_factor_widens_what_the_keypoints_say() {
     each_case(|model, state, fixture| {
         for factor in [1.0, 7.5, 20.0] {
-            let (found, _) = covariance(&mut fixture.objective(model), state, 1e9, factor).unwrap();
-            let expected = match model.eigenvalues().len() {
+            let (found, _, between) = covariance(&mut fixture.objective(model), state, 1e9, factor).unwrap();
+            let (expected, expected_between) = match model.eigenvalues().len() {
                 0 => dense::<6>(model, state, fixture, factor),
                 _ => dense::<JOINT>(model, state, fixture, factor),
             };
             assert!((found - expected).norm() < 1e-9 * expected.norm(), "{factor}: {found} {expected}");
             assert!((found - found.transpose()).norm() < 1e-9 * found.norm());
+            assert!((between - expected_between).norm() <= 1e-9 * expected_between.norm(), "{factor}");
         }
     });
 }

@@ -107,7 +107,8 @@ def rotation_error_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 ARRAYS = tuple(
     name
     for name in gp.PoseBatch.__dataclass_fields__
-    if name not in ("view", "tilt_covariance", "keypoints_2d", "bboxes", "models", "error_dof")
+    if name
+    not in ("view", "tilt_covariance", "keypoints_2d", "bboxes", "models", "error_dof", "scale_covariance")
 )
 
 

@@ -20,8 +20,9 @@ from groundpose.poses import ResultFields
 
 def test_public_names_are_the_promised_ones():
     promised = (
-        "Alternatives Camera InputError Network Options Pipeline Pose PoseBatch ShapeModel VehiclePoses View "
-        "__version__ build_info estimate_poses region_radius2"
+        "Alternatives Camera CameraState ClassSize EstimatedView FramePriors InputError Network Options "
+        "Pipeline Pose PoseBatch ShapeModel SizePrior VehiclePoses View __version__ build_info "
+        "estimate_poses region_radius2"
     )
     assert gp.__all__ == promised.split() == sorted(gp.__all__)
     info = gp.build_info()
@@ -45,6 +46,7 @@ def test_shapes_and_dtypes(batch, poses):
     n, p = batch.keypoints_2d.shape[:2]
     shapes = {"R": (n, 3, 3), "t": (n, 3), "covariance": (n, 6, 6)}
     shapes |= {"shape_coefficients": (n, 0), "shape_covariance": (n, 0, 0)}
+    shapes |= {"shape_pose_covariance": (n, 0, 6)}
     shapes |= {"alternative_R": (n, 3, 3), "alternative_t": (n, 3), "alternative_covariance": (n, 6, 6)}
     shapes |= {"evidence": (n, 6)}
     shapes |= dict.fromkeys(("inlier_mask", "residuals"), (n, p))

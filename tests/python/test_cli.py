@@ -185,6 +185,43 @@ def test_the_tilt_of_the_frame_is_estimated_and_said(frame):
     assert "frame_tilt_sigma: expected a positive number" in one_line(refused)
 
 
+def test_a_height_or_a_region_puts_the_vehicles_on_one_road(frame):
+    alone = json.loads(run("estimate", frame).stdout)
+    assert not {"camera_height", "pitch_sigma_deg"} & alone.keys()
+    assert "size" not in alone["objects"][0]
+    for arguments in (("--height", 1.5), ("--region", "europe"), ("--height", 1.5, "--region", "japan")):
+        found = json.loads(run("estimate", frame, *arguments).stdout)
+        assert found["camera_height"] == pytest.approx(1.5, rel=0.1)
+        assert found["camera_height_sigma"] > 0.0
+        assert found["pitch_deg"] == pytest.approx(np.degrees(BATCH.view.pitch), abs=1.0)
+        assert isinstance(found["remarks"], list)
+        for item in found["objects"]:
+            if item["status"] == "ok":
+                assert item["position"][1] == pytest.approx(1.5, abs=0.3)
+                assert all(
+                    0.0 < sigma < size for sigma, size in zip(item["size_sigma"], item["size"], strict=True)
+                )
+    assert "region: expected one of world" in one_line(run("estimate", frame, "--region", "moon"))
+    assert "height: expected" in one_line(run("estimate", frame, "--height", -1))
+
+
+def test_a_camera_is_learned_from_run_to_run(frame, tmp_path):
+    path = tmp_path / "camera.json"
+    arguments = ("estimate", frame, "--height", 1.5, "--learn-camera", path)
+    first = run(*arguments)
+    assert first.exit_code == 0
+    assert "CameraState" in first.stderr
+    state = gp.CameraState.load(path)
+    assert state.height == pytest.approx(1.5, rel=0.05)
+    assert state.class_scales
+    assert run(*arguments).exit_code == 0
+    name = next(iter(state.class_scales))
+    assert gp.CameraState.load(path).class_scales[name][1] < state.class_scales[name][1]
+    other = run("estimate", frame, "--height", 2.5, "--learn-camera", path)
+    assert other.exit_code == 2
+    assert "view: expected pitch, roll and height of the camera's state" in other.stderr
+
+
 def test_former_spellings_of_options_still_work(frame):
     refused = run("estimate", frame, "--model", "mine.onnx")
     assert "--network: is for images" in one_line(refused)

@@ -14,7 +14,6 @@ import stand_in
 from groundpose.keypoints.certainty import Certainty
 from groundpose.keypoints.network import Network
 from groundpose.lab.evaluate.honesty import (
-    callers,
     fit,
     label_errors,
     numbers,
@@ -29,7 +28,6 @@ from groundpose.lab.evaluate.honesty.coverage import Stated, covered, inside, ro
 from groundpose.lab.evaluate.honesty.measure import fit_file, measure
 from groundpose.lab.evaluate.honesty.store import store
 from groundpose.lab.evaluate.report import read_json
-from groundpose.lab.evaluate.scenes import generate
 from groundpose.lab.training.crops import NOTHING
 
 N = 4000
@@ -282,20 +280,6 @@ def test_synthetic_scenes_hold_the_truth(tmp_path):
     assert len(found) == 3
     for stated in found.values():
         assert 88.0 < covered(stated, math.inf)["inside"]["pose"]["95"] < 99.0
-
-
-def test_keypoints_of_callers_are_made_up_in_every_quality():
-    objects, clean = callers.made_up(300, 1, True), generate("vehicle", 300, seed=1)
-    assert objects.keypoint_scores is not None
-    given = ~np.isnan(objects.keypoints_2d[..., 0])
-    assert 0.3 < given.sum() / (~np.isnan(clean.keypoints_2d[..., 0])).sum() < 0.8
-    good = np.linalg.norm(objects.keypoints_2d - clean.keypoints_2d, axis=2)[given] < 10.0
-    assert 0.1 < good.mean() < 0.6
-    assert objects.keypoint_scores[given][good].mean() > objects.keypoint_scores[given][~good].mean() + 0.2
-    poses, right = callers._answers(objects)
-    ok = poses.ok
-    assert 0.6 < right[ok].mean() < 0.95
-    assert poses.probability[ok & right].mean() > poses.probability[ok & ~right].mean() + 0.2
 
 
 def found_numbers():

@@ -14,14 +14,17 @@ import typer
 
 from groundpose._core import InputError
 from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.options import takes_options
 from groundpose.cli.output import FORMATS, Output, Pictures, Style, mistakes, refuse
-from groundpose.cli.run import Result, Tilt, run
+from groundpose.cli.run import Mounting, Result, run
 from groundpose.estimate import estimate_poses
 from groundpose.formats.frames import Frame, FrameSource
 from groundpose.formats.records import pose_record, tilt_members
+from groundpose.frame import FramePriors
 from groundpose.options import Options
 from groundpose.poses import PoseBatch
+from groundpose.sizes import REGIONS, SizePrior
 
 
 @takes_options
@@ -80,6 +83,31 @@ def estimate(
     roll_deg: Annotated[
         float | None, typer.Option(help="Roll of the camera, instead of the frames'.")
     ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            help="Height of the camera above the road, instead of the frames'; all vehicles of a frame then "
+            "stand on one road.",
+            metavar="METRES",
+        ),
+    ] = None,
+    region: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Where vehicles are as large as there: {', '.join(REGIONS)}; they then stand on one road.",
+            metavar="NAME",
+            show_default="every vehicle alone",
+        ),
+    ] = None,
+    learn_camera: Annotated[
+        Path | None,
+        typer.Option(
+            help="Learn the camera's height, mean tilt and the sizes of vehicles from frame to frame; a file "
+            "(.json) to go on with and to write.",
+            metavar="FILE",
+            show_default="every frame alone",
+        ),
+    ] = None,
     frame_tilt_sigma_deg: Annotated[
         float | None,
         typer.Option(
@@ -110,6 +138,8 @@ def estimate(
 
       groundpose estimate drive.mp4 --boxes coco.json --calib camera.json -o results/ --no-pictures
 
+      groundpose estimate drive/ --boxes coco.json --calib camera.json --height 1.65 --region europe -o out/
+
       groundpose estimate frame.json --draw poses.png
 
       zcat drive.jsonl.gz | groundpose estimate - --format kitti -o results/
@@ -117,10 +147,13 @@ def estimate(
     form = form or ("table" if out is None and sys.stdout.isatty() else "jsonl")
     if form not in FORMATS:
         refuse(f"--format: expected {', '.join(FORMATS)}, got {form!r}")
-    angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
-    tilt = Tilt(*(None if angle is None else math.radians(angle) for angle in angles))
     with mistakes():
-        job = _Job(options, threads, tilt, out, form, draw)
+        angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
+        pitch, roll, sigma = (None if angle is None else math.radians(angle) for angle in angles)
+        frame = _frame(height, region, learn_camera)
+        learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
+        mounting = Mounting(pitch, roll, height, sigma, frame, learned)
+        job = _Job(options, threads, mounting, out, form, draw)
         if boxes is not None or is_image(source):
             status = job.images(source, boxes, calib, network, vehicle_threshold, min_score, pictures)
         else:
@@ -135,13 +168,20 @@ def estimate(
     raise typer.Exit(status)
 
 
+def _frame(height: float | None, region: str | None, learn_camera: Path | None) -> FramePriors | None:
+    """All vehicles on one road where a height or a region is given, or the camera is learned."""
+    if height is None and region is None and learn_camera is None:
+        return None
+    return FramePriors(size=SizePrior.region(region or "world"))
+
+
 @dataclass(frozen=True)
 class _Job:
     """What is said of the method and of the results."""
 
     options: Options
     threads: int | None
-    tilt: Tilt
+    mounting: Mounting
     out: Path | None
     form: str
     draw: Path | None
@@ -166,7 +206,7 @@ class _Job:
             network, options=self.options, threads=self.threads, vehicle_threshold=vehicle_threshold
         )
         work = ImageWork(
-            source, boxes, calib, self.tilt, -math.inf if min_score is None else min_score, pipeline
+            source, boxes, calib, self.mounting, -math.inf if min_score is None else min_score, pipeline
         )
         lines, picture = destinations(self.out, self.form, work.several)
         for given in (source, boxes, calib):
@@ -181,9 +221,9 @@ class _Job:
             if value is not None:
                 refuse(f"--{name}: is for images, which are given with --boxes")
         with _open(source, self.out) as frames:
-            work = _FrameWork(frames, self.options, self.threads, self.tilt)
+            work = _FrameWork(frames, self.options, self.threads, self.mounting)
             drawn = self._pictures(frames.several)
-            style = Style(pose_record if self.tilt.frame_sigma is None else _tilted_record)
+            style = Style(pose_record if self.mounting.frame_sigma is None else _tilted_record)
             return run(work, Output(self.out, self.form, frames.several, style), drawn)
 
     def _pictures(self, several: bool, instead: Path | None = None) -> Pictures | None:
@@ -198,7 +238,7 @@ class _FrameWork:
     source: FrameSource
     options: Options
     threads: int | None
-    tilt: Tilt
+    mounting: Mounting
     noun = "frames"
     total = None
 
@@ -215,12 +255,12 @@ class _FrameWork:
             try:
                 if isinstance(frame, InputError):
                     raise frame
-                tilted = replace(frame, view=self.tilt.of(frame.view))
+                tilted = replace(frame, view=self.mounting.of(frame.view))
                 poses = estimate_poses(
                     **tilted.arguments,
                     options=self.options,
                     threads=self.threads,
-                    frame_tilt_sigma=self.tilt.frame_sigma,
+                    **self.mounting.arguments(tilted.view),
                 )
             except InputError as error:
                 yield error
@@ -228,7 +268,7 @@ class _FrameWork:
                 yield Result(tilted, poses)
 
     def remarks(self) -> list[str]:
-        return []
+        return self.mounting.remarks()
 
 
 def _tilted_record(frame: Frame, poses: PoseBatch) -> str:

@@ -11,7 +11,17 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from groundpose.cli.evaluate_lab import detector, honesty, networks, pages, real, shapes, targets
+from groundpose.cli.evaluate_lab import (
+    detector,
+    distance,
+    honesty,
+    networks,
+    pages,
+    real,
+    shapes,
+    silent,
+    targets,
+)
 from groundpose.cli.evaluate_sets import apollo, bar, speed, tilt
 from groundpose.cli.inputs import NetworkFile
 from groundpose.cli.output import complain, console, mistakes
@@ -93,6 +103,17 @@ def kitti(
         float | None,
         typer.Option(help="Standard deviation of a frame's tilt about the nominal one, to estimate it."),
     ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            help="Height of the camera (1.65 for KITTI); all vehicles of a frame then stand on one road.",
+            metavar="METRES",
+        ),
+    ] = None,
+    region: Annotated[
+        str | None,
+        typer.Option(help="Where vehicles are as large as there: world, europe, ...; the same."),
+    ] = None,
     min_score: Annotated[float, typer.Option(help="Leave out detections whose score is lower.")] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Of simulated keypoints.")] = 0,
     limit: Annotated[int | None, typer.Option(min=1, help="Only the first frames.")] = None,
@@ -123,6 +144,8 @@ def kitti(
       groundpose evaluate kitti --root KITTI --boxes detections -m all -o kitti.json
 
       groundpose evaluate kitti --root KITTI --keypoints simulated -o kitti.json
+
+      groundpose evaluate kitti --root KITTI --height 1.65 --region europe -o kitti.json
     """
     from groundpose.formats.kitti.dataset import KittiSet
     from groundpose.formats.kitti.table import KittiTable
@@ -140,6 +163,8 @@ def kitti(
             keypoints=keypoints.value,
             pitch_deg=pitch_deg,
             frame_tilt_sigma_deg=frame_tilt_sigma_deg,
+            height=height,
+            region=region,
             least_score=min_score,
         )
         found = None
@@ -195,7 +220,8 @@ def _source(
 
 _SHOWN = (
     *("objects", "no answer %", "failures %", "mean e_r deg", "mean e_a deg", "median e_r deg"),
-    *("yaw above 15 deg %", "yaw above 30 deg %", "median depth error %", "mean overlap in space"),
+    *("yaw above 15 deg %", "yaw above 30 deg %", "median distance error %", "distance bias %"),
+    *("distance beyond 10 %", "95 % interval of distance holds %", "mean overlap in space"),
 )
 
 
@@ -253,5 +279,18 @@ def figure6(
     typer.echo(f"Picture: {out.resolve()}")
 
 
-for command in (apollo, tilt, speed, targets, real, networks, honesty, shapes, detector, pages):
+for command in (
+    apollo,
+    tilt,
+    speed,
+    targets,
+    real,
+    networks,
+    honesty,
+    silent,
+    shapes,
+    detector,
+    distance,
+    pages,
+):
     app.command()(command)

@@ -1,4 +1,4 @@
-"""`groundpose evaluate targets | real | networks | honesty | shapes | detector | pages`: what docs/ shows."""
+"""`groundpose evaluate targets | real | networks | honesty | silent | shapes | detector | ...`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from groundpose.cli.inputs import NetworkFile
 from groundpose.cli.output import console, mistakes
 
 SOLVER, REAL = Path("results/solver.json"), Path("results/real.json")
@@ -113,6 +114,30 @@ def honesty(
         typer.echo(f"Numbers: {out.resolve()}")
 
 
+def silent(
+    trials: Annotated[int, typer.Option(min=1, help="Scenes per case.")] = 1500,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the scenes.")] = 0,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="JSON file of the numbers.")] = None,
+) -> None:
+    """How often is the solver wrong and sure of it, when it is told something wrong? For docs/silent.md.
+
+    Numbers depend on trials and seed only.
+
+    [bold]Examples[/bold]
+
+      groundpose evaluate silent --trials 300 -o /tmp/silent.json
+    """
+    from groundpose.lab.evaluate import report
+    from groundpose.lab.evaluate import silent as lab
+
+    with mistakes():
+        path = out or lab.JSON
+        report.write_json(path, lab.measure(trials, seed, typer.echo))
+        typer.echo(f"Numbers: {path.resolve()}")
+        if out is None:
+            typer.echo(f"Page: {lab.write_stored(Path())}")
+
+
 def shapes(data: Data = None) -> None:
     """What the shape models hold and which real cars they reach, for docs/vehicles.md."""
     from groundpose.lab.evaluate.shape_check import measure
@@ -131,12 +156,40 @@ def detector(data: Data = None) -> None:
         measure(data_folder(data))
 
 
+def distance(
+    data: Data = None,
+    network: NetworkFile = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="JSON file of the numbers.")] = Path(
+        "results/distance.json"
+    ),
+) -> None:
+    """What region, height of the camera and more frames are worth for distances, for docs/distance.md.
+
+    [bold]Examples[/bold]
+
+      groundpose evaluate distance --data data
+    """
+    from groundpose.cli.evaluate_sets import bar
+    from groundpose.lab.data import data_folder
+    from groundpose.lab.evaluate.kitti import distance
+    from groundpose.lab.evaluate.report import write_json
+
+    with mistakes():
+        with bar("settings") as advance:
+            content = distance.run(data_folder(data), None if network is None else str(network), advance)
+        write_json(out, content)
+        typer.echo(f"Numbers: {out.resolve()}")
+        if out == distance.JSON:
+            typer.echo(f"Page: {distance.write_page(content, distance.PAGE).resolve()}")
+
+
 def pages() -> None:
     """Write the pages of docs/ again from the stored results; nothing is measured."""
     from groundpose.lab.bench import page as performance
-    from groundpose.lab.evaluate import real_page, report
+    from groundpose.lab.evaluate import real_page, report, silent
     from groundpose.lab.evaluate.experiments import page as experiments
     from groundpose.lab.evaluate.honesty import page as honesty_page
+    from groundpose.lab.evaluate.kitti import distance as distance_page
     from groundpose.lab.evaluate.networks import page as network_page
     from groundpose.lab.evaluate.simulated import page as simulated
 
@@ -144,7 +197,8 @@ def pages() -> None:
         root = Path()
         written = [report.write_page(root), real_page.write_page(root), performance.write_page(root)]
         written += [network_page.write_stored(root), simulated.write_stored(root)]
-        written += [experiments.write_stored(root), honesty_page.write_stored(root)]
+        written += [experiments.write_stored(root), distance_page.write_stored(root)]
+        written += [honesty_page.write_stored(root), silent.write_stored(root)]
         for path in filter(None, written):
             typer.echo(f"Page: {path.resolve()}")
 

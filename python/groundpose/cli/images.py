@@ -15,7 +15,7 @@ from groundpose._checks import input_error
 from groundpose._core import InputError
 from groundpose.cli.inputs import PICTURES, companion, is_video, pictures, video
 from groundpose.cli.output import Style
-from groundpose.cli.run import Result, Tilt
+from groundpose.cli.run import Mounting, Result
 from groundpose.formats.boxes import ANY, Box, Boxes, read_boxes
 from groundpose.formats.calibrations import read_calibration
 from groundpose.formats.frames import Frame, FrameObject
@@ -34,7 +34,7 @@ class ImageWork:
         path: a picture, a folder of pictures or a video.
         boxes: a file with the boxes of the image or of all images, or a folder with a file per image.
         calibration: a file for all images, or a folder with a file per image; None: the boxes have it.
-        tilt: instead of what the files say.
+        mounting: instead of what the files say.
         min_score: boxes that a detector gives a lower score are left out.
         pipeline: that finds the poses.
 
@@ -49,7 +49,7 @@ class ImageWork:
     path: Path
     boxes: Path
     calibration: Path | None
-    tilt: Tilt
+    mounting: Mounting
     min_score: float
     pipeline: Pipeline
     left_out: Counter[str] = field(default_factory=Counter)
@@ -85,7 +85,7 @@ class ImageWork:
         said = [f"left out: {count} x {reason}" for reason, count in self.left_out.most_common()]
         if self.no_vehicle:
             said.append(f"{self.no_vehicle} box{'es hold' if self.no_vehicle > 1 else ' holds'} no vehicle")
-        return said
+        return said + self.mounting.remarks()
 
     def _done(
         self, label: str | int, name: str, path: Path, image: NDArray[np.uint8] | None = None
@@ -124,12 +124,12 @@ class ImageWork:
             view = read_calibration(companion(self.calibration, name))
         if view is None:
             raise _no_camera(name)
-        return self.tilt.of(view)
+        return self.mounting.of(view)
 
     def _poses(self, path: Path, pixels: NDArray[np.uint8], boxes: list[Box], view: View) -> VehiclePoses:
         try:
             bboxes = np.array([box.bbox for box in boxes]).reshape(-1, 4)
-            return self.pipeline(pixels, bboxes, view, self.tilt.frame_sigma)
+            return self.pipeline(pixels, bboxes, view, **self.mounting.arguments(view))
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
 

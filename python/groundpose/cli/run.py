@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,28 +20,46 @@ from rich.progress import (
 )
 
 from groundpose._core import InputError
+from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.output import Output, Pictures, complain, console
 from groundpose.formats.frames import Frame
+from groundpose.frame import FramePriors
 from groundpose.poses import PoseBatch
 from groundpose.types import View
 
 
 @dataclass(frozen=True)
-class Tilt:
-    """Pitch and roll in radians, instead of what files say; None: what they say.
+class Mounting:
+    """Pitch and roll in radians and height in metres, instead of what files say; None: what they say.
 
-    `frame_sigma` is how far off they may be (standard deviation) for a whole frame, whose tilt is then
-    estimated first; None: they are the frame's.
+    `frame_sigma` is how far off the tilt may be (standard deviation) for a whole frame, whose tilt is then
+    estimated first; None: it is the frame's. With `frame` all vehicles of a frame stand on one road,
+    with `learned` those of all frames before one camera.
     """
 
     pitch: float | None = None
     roll: float | None = None
+    height: float | None = None
     frame_sigma: float | None = None
+    frame: FramePriors | None = None
+    learned: LearnedCamera | None = None
 
     def of(self, view: View) -> View:
-        """The view with this tilt."""
+        """The view with what is said here."""
         pitch = view.pitch if self.pitch is None else self.pitch
-        return replace(view, pitch=pitch, roll=view.roll if self.roll is None else self.roll)
+        roll = view.roll if self.roll is None else self.roll
+        return replace(
+            view, pitch=pitch, roll=roll, height=view.height if self.height is None else self.height
+        )
+
+    def arguments(self, view: View) -> dict[str, Any]:
+        """For `estimate_poses` and `Pipeline` in this view."""
+        frame = self.frame if self.learned is None else self.learned.of(view)
+        return {"frame_tilt_sigma": self.frame_sigma, "frame": frame}
+
+    def remarks(self) -> list[str]:
+        """What to say at the end."""
+        return [] if self.learned is None else self.learned.remarks()
 
 
 @dataclass(frozen=True)

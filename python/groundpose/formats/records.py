@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from groundpose.formats.frames import Frame
+from groundpose.frame import EstimatedView
 from groundpose.poses import WRITTEN, PoseBatch
 from groundpose.types import View
 
@@ -23,8 +24,11 @@ def pose_record(
     """One JSON line: `{"id": ..., "objects": [{"id", "model", "status", "R", "t", "yaw", ...}]}`.
 
     The members of an object are the fields of `Pose` of the same names; NaN is null. `more` are further
-    members of the line and `each` of its objects, written before the pose.
+    members of the line and `each` of its objects, written before the pose. A view that was estimated from
+    the frame adds its numbers to the line, sizes and positions to the objects.
     """
+    more = {**(more or {}), **view_members(poses.view)}
+    each = [{**a, **b} for a, b in zip(each or [{}] * len(poses), _on_road(poses), strict=True)]
     objects = [
         {
             "id": o.id,
@@ -32,14 +36,36 @@ def pose_record(
             **{name: _plain(value) for name, value in extra.items()},
             **{name: _plain(getattr(pose, name)) for name in WRITTEN},
         }
-        for o, pose, extra in zip(frame.objects, poses, each or [{}] * len(poses), strict=True)
+        for o, pose, extra in zip(frame.objects, poses, each, strict=True)
     ]
-    return json.dumps({"id": frame.id, **(more or {}), "objects": objects}, allow_nan=False)
+    return json.dumps({"id": frame.id, **more, "objects": objects}, allow_nan=False)
 
 
 def tilt_members(view: View) -> dict[str, float]:
     """The tilt of a view as frames have it."""
     return {"pitch_deg": math.degrees(view.pitch), "roll_deg": math.degrees(view.roll)}
+
+
+def view_members(view: View) -> dict[str, Any]:
+    """An estimated view as frames have it, with its standard deviations; nothing of a nominal one."""
+    if not isinstance(view, EstimatedView):
+        return {}
+    sigmas = {
+        "camera_height": view.height,
+        "pitch_sigma_deg": math.degrees(view.pitch_sigma),
+        "roll_sigma_deg": math.degrees(view.roll_sigma),
+        "camera_height_sigma": _plain(view.height_sigma),
+        "remarks": list(view.remarks),
+    }
+    return {**tilt_members(view), **sigmas}
+
+
+def _on_road(poses: PoseBatch) -> list[dict[str, Any]]:
+    """What a frame as a whole says of its objects."""
+    if not isinstance(poses.view, EstimatedView):
+        return [{}] * len(poses)
+    columns = zip(poses.size, poses.size_sigma, poses.position, strict=True)
+    return [dict(zip(("size", "size_sigma", "position"), row, strict=True)) for row in columns]
 
 
 def _plain(value: Any) -> Any:

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error, integer, number, shaped, type_error
+from groundpose.camera_state import CameraState
 from groundpose.estimate import estimate_poses
 from groundpose.formats.detections import bboxes_of
+from groundpose.frame import FramePriors
 from groundpose.keypoints.codec import ByteArray, usable
 from groundpose.keypoints.decode import Detections
 from groundpose.keypoints.image import Picture, as_rgb
@@ -155,7 +157,12 @@ class Pipeline:
                 )
 
     def __call__(
-        self, image: Picture, bboxes: object, view: View, frame_tilt_sigma: float | None = None
+        self,
+        image: Picture,
+        bboxes: object,
+        view: View,
+        frame_tilt_sigma: float | None = None,
+        frame: FramePriors | CameraState | None = None,
     ) -> VehiclePoses:
         """Poses of the vehicles in boxes of an image.
 
@@ -166,7 +173,7 @@ class Pipeline:
                 `groundpose.formats.detections`. A box without area, outside the image or not finite, or
                 without a vehicle gives an object without an answer, and nothing of the others is lost.
             view: camera and tilt. A camera without `image_size` is taken to have the image's.
-            frame_tilt_sigma: see `estimate_poses`.
+            frame_tilt_sigma, frame: see `estimate_poses`.
 
         Raises:
             InputError: an image or boxes that cannot be, an image of another size than the camera's.
@@ -188,6 +195,7 @@ class Pipeline:
             frame_tilt_sigma=frame_tilt_sigma,
             vehicle_probability=found.vehicle_probability,
             viewing_angle_probabilities=found.viewing_angle_probabilities,
+            frame=frame,
         )
         watch.lap("solve")
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)

@@ -20,7 +20,10 @@ Thresholds = tuple[float, float, float]
 # 0.0375, 0.05, 0.15 of the longer box side for vehicles (paper, sec. 4.2.2)
 HRE_CUBE: Thresholds = (1.0, 1.5, 3.0)
 HRE_VEHICLE: Thresholds = (1.0, 4.0 / 3.0, 4.0)
-_OF_ALL = ("view", "hre_thresholds", "frame_tilt_sigma", "fewest_points")
+_OF_ALL = (
+    *("view", "hre_thresholds", "frame_tilt_sigma", "fewest_points"),
+    *("frame", "keypoint_error_factor", "keypoint_error_dof"),
+)
 """Fields that are not one per object."""
 Some = TypeVar("Some", bound="Objects")
 
@@ -65,6 +68,11 @@ class Objects:
     """A library is not asked with fewer keypoints; a fourth tells the solutions of three apart."""
     frame_tilt_sigma: float | None = None
     """Radians; the tilt of the view is estimated from all objects first when it is given."""
+    frame: gp.FramePriors | gp.CameraState | None = None
+    """What is known of the frame, for contenders that take its objects together."""
+    keypoint_error_factor: float | None = None
+    """Of the keypoints, as in `groundpose.Options`."""
+    keypoint_error_dof: float | None = None
 
     def __len__(self) -> int:
         """Number of objects."""

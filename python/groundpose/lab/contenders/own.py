@@ -43,7 +43,11 @@ class Own:
         one_for_all = len(thresholds) > 0 and bool(np.all(thresholds == thresholds[0]))
         given = float(thresholds[0]) if one_for_all else thresholds.tolist()
         paper = {"hre_thresholds": objects.hre_thresholds} if self.paper_thresholds else {}
-        return gp.Options(inlier_threshold=given, **{**self.options, **paper})
+        errors = {
+            "keypoint_error_factor": objects.keypoint_error_factor,
+            "keypoint_error_dof": objects.keypoint_error_dof,
+        }
+        return gp.Options(inlier_threshold=given, **{**errors, **self.options, **paper})
 
     def poses(self, objects: Objects, clock: Clock | None = None) -> gp.PoseBatch:
         """One batch call with all the objects; options and models exist before, as a user's do."""
@@ -53,7 +57,10 @@ class Own:
         if scores is not None:
             scores = np.ascontiguousarray(scores[:, :width])
         arguments = (objects.view, keypoints, objects.bboxes, objects.models, scores)
-        last = (self.options_for(objects), self.threads, objects.frame_tilt_sigma)
+        options = self.options_for(objects)
+        # a frame is estimated from the poses' covariances
+        frame = objects.frame if options.covariance else None
+        last = (options, self.threads, objects.frame_tilt_sigma, None, None, frame)
         found: gp.PoseBatch = (clock or Clock()).batch(gp.estimate_poses, *arguments, *last)
         return found
 
@@ -98,9 +105,10 @@ PRIOR = Own("ours, tilt prior 1.5 deg", "tilt_sigma 1.5 deg, bbox_sigma inf", wi
 TIGHT_PRIOR = Own("ours, tilt prior 0.1 deg", "tilt_sigma 0.1 deg, bbox_sigma inf", with_tilt_prior(0.1))
 UP2P = Own("ours, UP2P search", "solver up2p", {"solver": "up2p"})
 P3P = Own("ours, P3P search", "solver p3p", {"solver": "p3p"})
-NEVER_REFUSES = Own("ours, never refusing", "the default with max_log10_nfa inf", {"max_log10_nfa": math.inf})
+_NEVER = {"max_log10_nfa": math.inf, "min_probability": 0.0}
+NEVER_REFUSES = Own("ours, never refusing", "max_log10_nfa inf, min_probability 0", _NEVER)
 UP2P_NEVER_REFUSES = Own(
-    "ours, UP2P, never refusing", "the same with solver up2p", {"solver": "up2p", "max_log10_nfa": math.inf}
+    "ours, UP2P, never refusing", "the same with solver up2p", {"solver": "up2p", **_NEVER}
 )
 HRE = Own(
     "P1P search + HRE",

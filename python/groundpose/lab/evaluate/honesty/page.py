@@ -101,8 +101,7 @@ COVERAGE = (
 )
 CALLERS = (
     "Percentage of the poses that are right, mean distance of stated and true probability (percent), AUC of "
-    'right against wrong ones. "Every quality": up to all keypoints wrong, noise up to 6 % of the box, down '
-    "to a quarter seen."
+    "right against wrong ones; nothing refused. Mixture: synthetic objects of every quality."
 )
 FITTED = "What `--fit` has stored in the network's file."
 PROBABILITY = (

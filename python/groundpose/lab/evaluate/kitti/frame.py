@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,10 @@ class Task:
     """Nominal."""
     frame_tilt_sigma_deg: float | None = None
     """The frame's tilt is estimated from its objects when given."""
+    height: float | None = None
+    """Of the camera, metres; when it is given all vehicles of a frame stand on one road."""
+    region: str | None = None
+    """Where vehicles are as large as there, a name of `groundpose.sizes.REGIONS`; the same."""
     least_score: float = 0.0
     """Detections below it are not looked at."""
 
@@ -64,9 +69,17 @@ class Task:
             for value in given:
                 if value not in known:
                     raise input_error(name, f"one of {', '.join(known)}", repr(value))
+        gp.SizePrior.region(self.region or "world")
         for option in self.methods:
             if reason := contenders[option].missing():
                 raise input_error("--method", "a method that is installed", reason)
+
+    @cached_property
+    def frame(self) -> gp.FramePriors | None:
+        """What is known of every frame, if anything is."""
+        if self.height is None and self.region is None:
+            return None
+        return gp.FramePriors(size=gp.SizePrior.region(self.region or "world"))
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -79,10 +92,11 @@ LABEL_COLUMNS = ("kind", "level", "distance_m", "truncated", "occluded", "height
 under it, by its labelled place and the camera's height, is from the nominal tilt."""
 ERROR_COLUMNS = (
     *("e_r_deg", "e_a_deg", "e_t_percent", "yaw_deg", "depth_percent", "depth_ground_percent"),
-    *("iou_bev", "iou_3d"),
+    *("iou_bev", "iou_3d", "distance_percent", "distance_interval_percent"),
 )
 """Of an answer; NaN without one. `depth_ground_percent`: with the distance that puts the object on a road
-at the camera's height."""
+at the camera's height. `distance_percent`: positive when it is too far away;
+`distance_interval_percent`: half the interval that is said to hold the true distance in 95 % of all cases."""
 
 
 @dataclass
@@ -145,7 +159,7 @@ def given(frame: KittiFrame, prepared: Prepared, task: Task) -> Objects:
     found, sigma = prepared.found, task.frame_tilt_sigma_deg
     R, t = nothing(len(prepared.boxes))
     return Objects(
-        view=gp.View(frame.camera, math.radians(task.pitch_deg)),
+        view=gp.View(frame.camera, math.radians(task.pitch_deg), height=task.height),
         keypoints_2d=padded(found.keypoints_2d, np.nan, 2),
         keypoint_scores=padded(found.scores, 0.0),
         bboxes=prepared.bboxes,
@@ -155,6 +169,9 @@ def given(frame: KittiFrame, prepared: Prepared, task: Task) -> Objects:
         t=t,
         fewest_points=4,
         frame_tilt_sigma=None if sigma is None else math.radians(sigma),
+        frame=task.frame,
+        keypoint_error_factor=found.error_factor,
+        keypoint_error_dof=found.error_dof,
     )
 
 
@@ -183,7 +200,7 @@ def evaluate(
         result.seconds[name] = clock.seconds
         answers[name] = as_results(frame, prepared, poses)
         overlaps = Overlaps.of(answers[name], frame.labels)
-        result.errors[name] = _errors(frame, prepared, poses, overlaps)
+        result.errors[name] = errors_of(frame, prepared, poses, overlaps)
         result.hits[name] = {
             class_name: judge(frame.labels, answers[name], class_name, overlaps)
             for class_name in task.classes
@@ -222,7 +239,7 @@ def _label_row(label: KittiLabel, frame: KittiFrame, task: Task) -> list[float]:
     ]
 
 
-def _errors(
+def errors_of(
     frame: KittiFrame, prepared: Prepared, poses: gp.PoseBatch, overlaps: Overlaps
 ) -> list[list[float]]:
     """One row of ERROR_COLUMNS per object with a label."""
@@ -246,9 +263,19 @@ def _errors(
         100.0 * np.abs(on_road / t[:, 2] - 1.0),
         overlaps.above[own],
         overlaps.space[own],
+        100.0 * (np.linalg.norm(centre, axis=1) / np.linalg.norm(t, axis=1) - 1.0),
+        100.0 * _distance_intervals(poses, rows, centre),
     )
     rows_of_columns: list[list[float]] = np.stack(columns, axis=1).tolist()
     return rows_of_columns
+
+
+def _distance_intervals(poses: gp.PoseBatch, rows: list[int], centre: FloatArray) -> FloatArray:
+    """(n,) half the 95 % interval of the distance of bottom centres (n, 3), as fractions of it."""
+    distance = np.linalg.norm(centre, axis=1)
+    ray = centre / distance[:, None]
+    variance = np.einsum("ni,nij,nj->n", ray, poses.covariance[rows, 3:, 3:], ray)
+    return np.asarray(np.sqrt(poses.region(dimensions=1) * variance) / distance)
 
 
 def truth_as_results(frame: KittiFrame) -> list[KittiLabel]:

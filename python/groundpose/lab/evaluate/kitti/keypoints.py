@@ -42,11 +42,14 @@ _REAR = (
 
 @dataclass(frozen=True)
 class Found:
-    """Keypoints of N boxes: (P_i, 2) pixels with NaN for those not seen, (P_i,) scores, the model of each."""
+    """Keypoints of N boxes: (P_i, 2) pixels with NaN for those not seen, (P_i,) scores, the model of each;
+    how their errors are shared, as in `groundpose.Options`."""
 
     keypoints_2d: list[FloatArray]
     scores: list[FloatArray]
     models: list[gp.ShapeModel]
+    error_factor: float | None = None
+    error_dof: float | None = None
 
 
 class KeypointSource(Protocol):
@@ -83,7 +86,9 @@ class Network:
             return None
         found = self.pipeline.detect(as_rgb(frame.image), bboxes)
         models = [self.pipeline.models[class_name or CLASSES[0]] for class_name in found.classes]
-        return Found(found.keypoints, found.scores, models)
+        options = self.pipeline.options
+        shared = (options.keypoint_error_factor, options.keypoint_error_dof)
+        return Found(found.keypoints, found.scores, models, *shared)
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ WORST, WORST_SILENT = 24, 6
 SELF_CHECK = "truth"
 """The name under which the labels stand among the methods."""
 REVERSED_DEG = 30.0
+FAR_PERCENT = 10.0
 EDGES: dict[str, tuple[str, tuple[float, ...]]] = {
     "distance": ("distance_m", (0.0, 10.0, 20.0, 30.0, 45.0, 60.0, np.inf)),
     "truncation": ("truncated", (-1.5, 0.001, 0.15, 0.5, 1.1)),
@@ -193,6 +194,9 @@ def group(name: str, errors: FloatArray) -> Group:
     answers. A failure: e_r above 10 deg or e_t above 10 % or no answer."""
     e = dict(zip(ERROR_COLUMNS, errors.T, strict=True))
     silent = np.isnan(e["e_r_deg"])
+    distance = np.abs(e["distance_percent"][~silent])
+    held = distance <= e["distance_interval_percent"][~silent]
+    stated = np.isfinite(e["distance_interval_percent"][~silent])
     e_r, yaw = (np.where(silent, NO_ANSWER_E_R_DEG, e[key]) for key in ("e_r_deg", "yaw_deg"))
     return {
         "group": name,
@@ -209,6 +213,10 @@ def group(name: str, errors: FloatArray) -> Group:
         "orientation similarity": _mean(np.where(silent, 0.0, (1.0 + np.cos(np.radians(yaw))) / 2.0)),
         "median depth error %": _median(e["depth_percent"]),
         "median depth error on the ground %": _median(e["depth_ground_percent"]),
+        "median distance error %": _median(distance),
+        "distance bias %": _median(e["distance_percent"]),
+        "distance beyond 10 %": _percentage(distance > FAR_PERCENT),
+        "95 % interval of distance holds %": _percentage(held[stated]),
         "mean overlap in space": _mean(np.nan_to_num(e["iou_3d"])),
     }
 
