@@ -131,9 +131,8 @@ def estimate_poses(
         out[name] = words[out[name]]
     given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
     given["error_dof"] = np.inf if options.keypoint_error_dof is None else options.keypoint_error_dof
-    return PoseBatch._of(
-        given | {"tilt_covariance": _NO_COVARIANCE.copy(), "scale_covariance": None} | out | {"ok": ok}
-    )
+    given["scale_covariance"] = np.zeros((count, out["shape_coefficients"].shape[1] + 1))
+    return PoseBatch._of(given | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:

@@ -186,7 +186,7 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         bboxes: (N, 4) `left, top, right, bottom` pixels, a copy of what was given, NaN = not known.
         models: N shape models.
         scale_covariance: (N, M + 1) covariance of the logarithm of each model's scale with the coefficients,
-            and its variance; None without `frame`.
+            and its variance; 0 without `frame`.
         error_dof: degrees of freedom of Student's t of the errors, see `region`; infinite: Gaussian.
     """
 
@@ -194,8 +194,8 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     tilt_covariance: FloatArray
     bboxes: FloatArray
     models: tuple[ShapeModel, ...]
+    scale_covariance: FloatArray
     error_dof: float = np.inf
-    scale_covariance: FloatArray | None = None
 
     @property
     def size(self) -> FloatArray:
@@ -216,9 +216,8 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
             size[k], slopes = self.models[k].stretched_size(self.shape_coefficients[k])
             own = self.shape_covariance[k, :modes, :modes]
             variance[k] = ((own @ slopes) * slopes).sum(axis=0)
-            if self.scale_covariance is not None:
-                with_shape = self.scale_covariance[k, :modes] @ slopes
-                variance[k] += 2.0 * with_shape + self.scale_covariance[k, -1]
+            with_shape = self.scale_covariance[k, :modes] @ slopes
+            variance[k] += 2.0 * with_shape + self.scale_covariance[k, -1]
         return size, np.maximum(variance, 0.0)
 
     @property

@@ -30,7 +30,7 @@ pub(crate) type ObjectState = SVector<f64, 7>;
 /// Derivatives by the unknowns of the frame that an object sees: pitch, roll, log height, log size of its class.
 pub(crate) type FrameRow = SVector<f64, 4>;
 
-/// What one object's own estimate says, for [`solve_frame`].
+/// What one object's own estimate says, for [`solve_frame`](crate::estimate::frame::solve_frame).
 ///
 /// ```
 /// use groundpose::{Camera, FrameObject, Pose, PoseCovariance, Tilt, View};
