@@ -2,7 +2,7 @@
 //!
 //! A logistic model on what speaks for and against it, $`1 / (1 + \exp(-c_0 - \sum_k c_k e_k))`$ with the evidence
 //! $`e`$ of [`Evidence`]. Its coefficients are fitted on answers whose truth is known: those in
-//! [`crate::tuning`] for keypoints of the caller, a network's own for those of a network.
+//! `src/tuning.rs` for keypoints of the caller, a network's own for those of a network.
 
 use crate::geometry::math::{exp, log};
 use crate::model::observation::Observation;
