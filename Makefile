@@ -65,7 +65,7 @@ test-kernels: $(VENV)/installed-dev
 # what trains and exports networks: PyTorch is several GB, so this is apart
 test-train: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[train]'
-	$(BIN)/pytest --quiet tests/python/test_training.py tests/python/test_training_streets.py tests/python/test_networks_measured.py
+	$(BIN)/pytest --quiet tests/python/test_training.py tests/python/test_training_streets.py tests/python/test_networks_measured.py tests/python/test_networks_joined.py
 
 # the networks of a release on a machine with a GPU: one rendering, then one training each
 train-gpu: $(VENV)/installed-dev

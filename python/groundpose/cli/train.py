@@ -125,6 +125,10 @@ def export(
         "data/crops"
     ),
     int8: Annotated[Path | None, typer.Option(help="Also write an int8 version.")] = None,
+    others: Annotated[
+        list[Path] | None,
+        typer.Option("--with", help="Folder of a run whose network is asked too; the answer is the mean."),
+    ] = None,
     mirrored: Annotated[
         bool, typer.Option(help="Average with the mirror image: twice the time, fewer wrong keypoints.")
     ] = False,
@@ -142,6 +146,8 @@ def export(
     [bold]Example[/bold]
 
       groundpose export runs/lite32 -o lite32.onnx --int8 lite32_int8.onnx
+
+      groundpose export runs/lite48 --with runs/lite32 -o both.onnx --int8 both_int8.onnx
     """
     with mistakes(), extra():
         from groundpose.lab.training.device import device as device_named
@@ -154,6 +160,7 @@ def export(
             data,
             out,
             int8=int8,
+            others=others or (),
             mirrored=mirrored,
             stored=stored,
             command=command,

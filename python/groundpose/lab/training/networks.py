@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from groundpose._checks import input_error
 from groundpose.keypoints.codec import MEAN, STD, crop_from_cell
 from groundpose.keypoints.decode import VIEWING_ANGLES
 from groundpose.lab.training.configs import NetworkConfig
@@ -82,6 +83,7 @@ class KeypointNetwork(nn.Module):
         self.head: nn.Module = HEADS[config.head](channels, config.head_widths, len(KEYPOINTS))
         self.classes = nn.Linear(channels[-1], len(CLASSES))
         self.extras = Extras(channels[-1], (config.height // 32) * (config.width // 32))
+        self.others = nn.ModuleList()
         self.stride = 4.0 if config.head == "fpn" else 32.0 / 2 ** len(config.head_widths)
         for name, pixels in (("cell_x", config.width), ("cell_y", config.height)):
             centres = crop_from_cell(np.arange(pixels / self.stride), self.stride)
@@ -122,19 +124,20 @@ class KeypointNetwork(nn.Module):
         return (raw.place.float() + 0.5) * self.sides - 0.5
 
     def detect(self, pictures: Tensor, mirrored: bool = False) -> Decoded:
-        """The decoded output for bytes (N, height, width, 3), the layout used for inference.
+        """The decoded output for bytes (N, height, width, 3), the layout used for inference: of the mean of
+        what this network and `others` say.
 
-        `mirrored`: decode the mean of the maps and those of the mirror images.
+        `mirrored`: of the mirror images too.
         """
         # By rows: in an 8-bit file with colours last, operations on three numbers take a quarter of the time.
         row = self.config.width
         mean, std = (value.flatten().repeat(row) for value in (self.mean, self.std))
         x = ((pictures.float().flatten(2) - mean) / std).unflatten(2, (row, 3)).permute(0, 3, 1, 2)
-        raw = self._raw(x)
+        looks = [network._raw(x) for network in (self, *self.others)]
         if mirrored:
-            other = self._unmirrored(self._raw(x.flip(3)))
-            raw = Raw(*(0.5 * (a + b) for a, b in zip(raw, other, strict=True)))
-        return self.decode(raw)
+            flipped = x.flip(3)
+            looks += [network._unmirrored(network._raw(flipped)) for network in (self, *self.others)]
+        return self.decode(Raw(*(sum(values) / len(looks) for values in zip(*looks, strict=True))))
 
     def decode(self, raw: Raw) -> Decoded:
         """Keypoints in the crop from their heat maps: softargmax near the map's peak, the spread of the whole
@@ -170,6 +173,17 @@ class KeypointNetwork(nn.Module):
         # about the mean: E[x^2] - E[x]^2 would cancel for small spreads
         variance = (weights * (cells - mean[..., None]) ** 2).sum(dim=2)
         return (near * cells).sum(dim=2) / near.sum(dim=2), variance
+
+
+def joined(network: KeypointNetwork, others: Sequence[KeypointNetwork]) -> KeypointNetwork:
+    """The same network (changed in place) for inference together with others: each is wrong where the others
+    seldom are. Raises InputError for crops or maps of another size."""
+    for other in others:
+        sizes = [(n.config.width, n.config.height, n.stride) for n in (network, other)]
+        if sizes[0] != sizes[1]:
+            raise input_error("--with", "a network with crops and maps of the same size", str(sizes[1]))
+    network.others = nn.ModuleList(others)
+    return network
 
 
 def folded(network: KeypointNetwork) -> KeypointNetwork:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from groundpose.lab.training.batches import Batcher
 from groundpose.lab.training.crops import Crops
 from groundpose.lab.training.evaluate import answers
 from groundpose.lab.training.export import STORED, export, metadata, quantise
+from groundpose.lab.training.networks import joined
 from groundpose.lab.training.trained import detector, trained
 
 _CPU = torch.device("cpu")
@@ -39,6 +41,7 @@ def release(
     path: Path,
     *,
     int8: Path | None = None,
+    others: Sequence[Path] = (),
     mirrored: bool = False,
     stored: str = "float16",
     command: str = "",
@@ -50,6 +53,7 @@ def release(
     Args:
         run: folder of the run. data: folder of crops.
         path: ONNX file to write. int8: quantised file to write, or None.
+        others: folders of runs whose networks are asked too; the answer is the mean.
         mirrored, stored: see `export`.
         command: that trained the network, for the metadata.
         limit: largest number of crops for calibration and for evaluation.
@@ -63,6 +67,7 @@ def release(
     if stored not in STORED:
         raise input_error("stored", f"one of {', '.join(STORED)}", repr(stored))
     network, _, content = trained(run)
+    network = joined(network, [trained(other)[0] for other in others])
     codec = Codec(network.config.width, network.config.height)
     validation = Crops(data, "validation", limit)
     detect = detector(network.to(device), mirrored)
@@ -72,6 +77,7 @@ def release(
     said = metadata(codec, calibration, command, content["data"], content["config"], metrics)
     said |= {
         "mirrored": str(mirrored).lower(),
+        "others": json.dumps([trained(other)[1].network for other in others]),
         "steps": f"{content['step']} of {content['steps']}",
         "training_seconds": f"{content['seconds']:.0f}",
         "earlier_run": json.dumps(content["before"]),
