@@ -77,7 +77,7 @@ def train(
 
       groundpose train lite32 --data data/crops --set epochs=40 --set seed=1 --threads 2
 
-      groundpose train lite48 --initial weights/lite48 --data data/own -o runs/own --set epochs=5
+      groundpose train lite48 --initial default --data data/own -o runs/own --set epochs=5
     """
     with mistakes(), extra():
         from groundpose.lab.training.configs import CONFIGS, NETWORKS, changed, train_config
