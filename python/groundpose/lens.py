@@ -54,8 +54,10 @@ LENSES: dict[str, LensModel] = {
         ("k1", "k2", "k3", "k4"),
         (4,),
         "equidistant",
-        ("equidistant", "equi", "fisheye", "opencvfisheye")
-        + tuple(f"kannalabrandt{suffix}" for suffix in ("", "4", "8")),
+        (
+            *("equidistant", "equi", "fisheye", "opencvfisheye"),
+            *("kannalabrandt", "kannalabrandt4", "kannalabrandt8"),
+        ),
     ),
 }
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from groundpose._checks import input_error
-from groundpose._core import InputError
 from groundpose.cli.inputs import companion
 from groundpose.formats.calibrations import read_calibration
 from groundpose.types import Camera, View
@@ -63,18 +62,12 @@ class CameraChoice:
         )
 
 
-def check_size(image: str, camera: Camera, size: tuple[int, int]) -> str | None:
-    """A remark on a camera whose principal point is far off the middle of the picture, None: it is not.
-
-    Raises InputError for a camera whose image has another size: all distances would be wrong.
-    """
-    if camera.image_size is not None and camera.image_size != size:
-        expected = "a picture of {} x {} pixels, as its camera has it".format(*camera.image_size)
-        raise InputError(f"{image}: expected {expected}, got one of {size[0]} x {size[1]}")
+def remark_on(camera: Camera, size: tuple[int, int]) -> str | None:
+    """What to say of a camera whose principal point is far off the middle of the picture; None: it is not."""
     off = max(abs(camera.cx - 0.5 * (size[0] - 1)), abs(camera.cy - 0.5 * (size[1] - 1))) / size[0]
     if off <= _FAR_OFF:
         return None
     return (
-        f"principal point {camera.cx:g}, {camera.cy:g} far off the middle of a picture of {size[0]} x {size[1]}: "
-        "is the camera that of another image size?"
+        f"principal point {camera.cx:g}, {camera.cy:g} far off the middle of a picture of "
+        f"{size[0]} x {size[1]}: is the camera that of another image size?"
     )

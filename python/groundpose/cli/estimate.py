@@ -42,7 +42,7 @@ def estimate(
     calib: Annotated[
         Path | None,
         typer.Option(
-            help="The camera: KITTI, OpenCV, ROS, nuScenes, JSON and others; of a folder one file or a folder."
+            help="The camera: KITTI, OpenCV, ROS, nuScenes, JSON ...; of a folder one file or a folder."
         ),
     ] = None,
     camera: Annotated[

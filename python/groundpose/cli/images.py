@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from groundpose._checks import input_error
 from groundpose._core import InputError
-from groundpose.cli.cameras import CameraChoice, check_size
+from groundpose.cli.cameras import CameraChoice, remark_on
 from groundpose.cli.inputs import PICTURES, companion, is_video, pictures, video
 from groundpose.cli.output import Style
 from groundpose.cli.run import Result, Tilt
@@ -124,7 +124,7 @@ class ImageWork:
         view = self._view or self.camera.of_one(name, size) or boxes.view
         if view is None:
             raise _no_camera(name)
-        if remark := check_size(name, view.camera, size):
+        if remark := remark_on(view.camera, size):
             self.seen[remark] += 1
         return self.tilt.of(view)
 

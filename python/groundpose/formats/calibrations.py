@@ -1,6 +1,6 @@
 """Cameras from files: the format is recognised by the content.
 
-A format is a row of `CALIBRATIONS`: what it is called and how the cameras of a record, or of a text, are found.
+A format is a row of `CALIBRATIONS`: its name, and how it finds the cameras of a record or of a text.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from groundpose.types import Camera, View
 class CalibrationFormat:
     """One format: its name in errors, and the cameras that it finds: in a record, or in the text of a file.
 
-    Reading one of them raises InputError naming file and line or key. A tilt that the file does not tell is 0.
+    Reading one raises InputError naming file and line or key. A tilt that the file does not tell is 0.
     """
 
     name: str
@@ -75,8 +75,8 @@ def read_calibration(path: str | PathLike[str], name: str | None = None) -> View
             only one (of KITTI's the usual P2, of ROS's the raw one rather than the "rectified" one).
 
     Raises:
-        OSError: no such file. InputError: no format suits, the file is not as its format has it, it has several
-            cameras and none is named, or none of this name.
+        OSError: no such file. InputError: no format suits, the file is not as its format has it, it has
+            several cameras and none is named, or none of this name.
     """
     content = read_content(path)
     entries = [entry for row in CALIBRATIONS if row.in_text for entry in row.in_text(content)]
@@ -156,7 +156,7 @@ def _named(entry: Entry, field: Field, outer: tuple[str, ...]) -> Entry:
         return entry
     both = tuple(f"{name} {mine}" for name in names for mine in own)
     plain = tuple(names) if not own or entry.is_default else ()
-    return Entry((*plain, *both), entry.read, entry.is_default)
+    return Entry((*plain, *both, *own), entry.read, entry.is_default)
 
 
 def _with_channels(entries: list[Entry], path: Path) -> list[Entry]:

@@ -1,4 +1,4 @@
-"""YAML as other tools write it: values that know where they stand, as `groundpose.formats.fields` has them."""
+"""YAML as other tools write it, as values that know where they stand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SCALARS = {
         list("-+.0123456789"),
     ),
 }
-"""Which words are no strings, after YAML 1.2: 1.1 has `1e-3` for a string, 012 for ten and 1:30 for ninety."""
+"""Which words are no strings, after YAML 1.2: in 1.1 `1e-3` is a string, 012 is ten and 1:30 is ninety."""
 
 
 def parse_yaml(text: str, place: str) -> Field | None:
@@ -51,7 +51,7 @@ def parse_yaml(text: str, place: str) -> Field | None:
 
 @cache
 def _loader() -> Any:
-    """PyYAML's safe loader (in C where it is there) with the scalars above; tags of other tools are passed by."""
+    """PyYAML's safe loader, in C where it is there, with the scalars above; it passes tags by."""
     import yaml
 
     loader: Any = type("_Loader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})

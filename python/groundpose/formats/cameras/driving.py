@@ -1,5 +1,7 @@
-"""Cameras of data sets of driving: nuScenes, Waymo, Cityscapes, Argoverse. Their images are free of distortion, but for
-Waymo's; where a camera stands on the vehicle tells its tilt."""
+"""Cameras of data sets of driving: nuScenes, Waymo, Cityscapes, Argoverse.
+
+Where a camera stands on the vehicle tells its tilt. Their images are free of distortion, but for Waymo's.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,10 @@ def nuscenes_entries(record: Record) -> list[Entry]:
 
 
 def _read_nuscenes(record: Record) -> View:
-    """Camera, tilt and height: the ego frame has x forward, y left, z up and stands on the ground; `rotation` is
-    the quaternion w, x, y, z from the sensor to it. nuScenes' images are undistorted."""
+    """Camera, tilt and height: the ego frame has x forward, y left, z up and stands on the ground.
+
+    `rotation` is the quaternion w, x, y, z from the sensor to it. nuScenes' images are undistorted.
+    """
     field = record.need("camera_intrinsic")
     record.ignore("camera_distortion")
     camera = sized(record, field, matrix(field), NO_LENS)
@@ -92,8 +96,11 @@ def cityscapes_entries(record: Record) -> list[Entry]:
 
 
 def _read_cityscapes(record: Record, field: Field) -> View:
-    """The vehicle frame has x forward, y left, z up from the ground; its rotation from the camera's axes forward,
-    left, up is `Rz(yaw) Ry(pitch) Rx(roll)`: a positive pitch looks down."""
+    """The vehicle frame has x forward, y left, z up from the ground.
+
+    Its rotation from the camera's axes forward, left, up is `Rz(yaw) Ry(pitch) Rx(roll)`: a positive pitch
+    looks down.
+    """
     inner = Record(field)
     K = pinhole(inner, *(inner.number(key) for key in ("fx", "fy", "u0", "v0")))
     inner.refuse_unread()
@@ -120,8 +127,10 @@ def argoverse_entries(record: Record) -> list[Entry]:
 
 
 def _read_argoverse(record: Record, names: tuple[str, ...]) -> View:
-    """Coefficients of a lens are given for information alone: the published images are undistorted. The ego frame
-    stands on the rear axle, so the height above the ground is not known."""
+    """Coefficients of a lens are given for information alone: the published images are undistorted.
+
+    The ego frame stands on the rear axle, so the height above the ground is not known.
+    """
     record.ignore("distortion_coefficients_")
     K = pinhole(record, *(record.number(name) for name in names))
     K[0, 1] = record.optional("skew_")

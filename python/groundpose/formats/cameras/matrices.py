@@ -16,7 +16,7 @@ from groundpose.formats.cameras.lenses import (
     pinhole,
     sized,
 )
-from groundpose.formats.cameras.record import Entry, Record, bare, is_numbers, matrix, numbers, only
+from groundpose.formats.cameras.record import Entry, Record, bare, is_numbers, matrix, numbers
 from groundpose.formats.fields import Field
 from groundpose.lens import DEFAULT_LENS
 from groundpose.types import Camera, View
@@ -29,7 +29,7 @@ _PROJECTION = ("projection_matrix", "P")
 
 
 def matrix_entries(record: Record) -> list[Entry]:
-    """A camera matrix beside its coefficients; the rectified camera that a file of ROS has too by its name."""
+    """A camera matrix beside its coefficients; ROS's files have the "rectified" camera too."""
     names = set(map(bare, _MATRIX))
     if not any(_is_matrix(record.field.get(key)) for key in record.field.value if bare(key) in names):
         return []
@@ -72,9 +72,10 @@ def _read_rectified(record: Record, projection: Field) -> View:
 
 @dataclass(frozen=True)
 class _Window:
-    """Which part of the sensor a picture is, and how many of its pixels make one of the picture's, as ROS says it.
+    """Which part of the sensor a picture is, and how many of its pixels make one, as ROS says it.
 
-    `K` is that of the whole sensor; a pixel of `b` has its centre in the middle of theirs: `(c + 0.5) / b - 0.5`.
+    `K` is that of the whole sensor; a pixel of `b` by `b` has its centre in the middle of theirs, at
+    `(c + 0.5) / b - 0.5`.
     """
 
     offset: tuple[float, float]

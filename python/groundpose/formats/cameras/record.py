@@ -1,5 +1,7 @@
-"""The record of a camera as a tool wrote it: keys in any spelling, numbers in any nesting; what is read and what
-may not be passed over."""
+"""The record of a camera as a tool wrote it: keys in any spelling, numbers in any nesting.
+
+A record knows what was read of it, and refuses what may not be passed over.
+"""
 
 from __future__ import annotations
 
@@ -80,7 +82,7 @@ class Record:
         self._asked.update(map(bare, names))
 
     def refuse_unread(self) -> None:
-        """Raise InputError for a key that was not asked for and looks as if it changed what the camera sees."""
+        """Raise InputError for a key that was not asked for and looks as if it mattered."""
         for name, keys in self._keys.items():
             if name in self._asked or not _MEANINGFUL.search(name):
                 continue

@@ -44,8 +44,8 @@ def _read_carla(record: Record) -> View:
 
 
 def own_entries(record: Record) -> list[Entry]:
-    """A frame, of which only camera and tilt count, or `{"fx": ..., "fy": ..., "cx": ..., "cy": ...}`, which may have
-    a camera's and a tilt's other members too."""
+    """A frame, of which only camera and tilt count, or a camera's and a tilt's members without the frame:
+    `{"fx": ..., "fy": ..., "cx": ..., "cy": ...}`."""
     camera = record.field.value.get("camera")
     is_own = "fx" in record.field.value or (isinstance(camera, dict) and "fx" in camera)
     return [Entry((), partial(_read_own, record.field))] if is_own else []

@@ -52,7 +52,7 @@ def _read_vins(record: Record) -> View:
 
 
 def orb_entries(record: Record) -> list[Entry]:
-    """A block `Camera.fx`, `Camera.k1` ... of ORB-SLAM and OpenVSLAM, or the mapping `Camera` of stella_vslam."""
+    """A block `Camera.fx`, `Camera.k1` ... of ORB-SLAM and OpenVSLAM, or stella_vslam's mapping `Camera`."""
     name = record.field.path.rpartition(".")[2]
     is_block = name.lower().startswith("camera") and record.has("fx") and record.has("cx")
     said = is_block and record.has("k1", "model", "type", "setup", "cols", "fps", "bf", "p1", "RGB")

@@ -18,8 +18,10 @@ _KITTI_DEFAULT = ("P2", "P_rect_02")
 
 
 def kitti_entries(content: Content) -> list[Entry]:
-    """KITTI's lines P0 to P3, of which P2 is the usual one; the raw set's and KITTI-360's P_rect_00 ..., and K_00 ...
-    with D_00 for images that are not rectified."""
+    """KITTI's lines P0 to P3, of which P2 is the usual one; the raw set's and KITTI-360's P_rect_00 ...
+
+    K_00 ... with D_00 are the cameras of images that are not rectified.
+    """
     lines = kitti_lines(content.text)
     if not any(line.startswith("P") and _KITTI.fullmatch(line) for line in lines):
         return []
