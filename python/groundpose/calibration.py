@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from groundpose._checks import FloatArray, input_error
+from groundpose._checks import FloatArray, finite, input_error
 
 _LINE = re.compile(r"\s*([A-Za-z]\w*)(?:\s*:\s*|\s+)(\S.*)")
 
@@ -28,7 +28,7 @@ def kitti_numbers(place: str, text: str, count: int) -> FloatArray:
     if len(numbers) != count:
         words = {9: "nine", 12: "twelve"}
         raise input_error(place, f"{words.get(count, count)} numbers", repr(text[:80]))
-    return numbers
+    return finite(place, numbers)
 
 
 def read_kitti_projection(path: str | PathLike[str], name: str = "P2") -> FloatArray:

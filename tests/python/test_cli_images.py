@@ -395,8 +395,7 @@ def test_a_camera_of_several_is_named_and_a_field_of_view_needs_no_file(street, 
     assert "rig.json: camera: expected the name of one of front, rear, got none" in one_line(result)
     named = estimate(model, "--calib", "rig.json", "--camera", "front", "-o", "o.jsonl", "--no-pictures")
     assert named.exit_code == 0, named.output
-    size = Image.open("street.png").size
-    fov = 2.0 * math.degrees(math.atan(0.5 * size[0] / CALIBRATION["fx"]))
+    fov = np.degrees(2.0 * np.arctan(0.5 * SIZE[0] / CALIBRATION["fx"]))
     seen = estimate(model, "--fov-deg", str(fov), "-o", "fov.jsonl", "--no-pictures")
     assert seen.exit_code == 0, seen.output
     for options, text in (

@@ -57,12 +57,13 @@ def test_coefficients_at_the_end_may_be_left_out(name):
         gp.Camera.from_K(K, k[:-1], lens=name)
 
 
-@pytest.mark.parametrize("lens", ["rational", "equidistant"])
-@pytest.mark.parametrize("degrees", [0.0, 25.0, 40.0, 60.0])
+@pytest.mark.parametrize(
+    ("lens", "degrees"),
+    [("rational", 0.0), ("rational", 25.0), ("rational", 40.0)]
+    + [("equidistant", angle) for angle in (0.0, 25.0, 40.0, 60.0)],
+)
 def test_a_car_seen_through_the_lens_is_where_it_is(lens, degrees):
     k = (-0.02, 0.01, -0.008, 0.002) if lens == "equidistant" else (0.4, -0.1, 0, 0, 0.01, 0.3, 0.05, 0.02)
-    if lens == "rational" and degrees > 40.0:
-        pytest.skip("beyond the fold of these coefficients")
     camera, angle = gp.Camera.from_K(K, k, lens=lens), math.radians(degrees)
     view, yaw = gp.View(camera, pitch=-0.05), 0.7
     ground = rotation_y(np.array(yaw))

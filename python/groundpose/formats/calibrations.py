@@ -5,7 +5,6 @@ A format is a row of `CALIBRATIONS`: its name, and how it finds the cameras of a
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from os import PathLike
@@ -164,8 +163,9 @@ def _with_channels(entries: list[Entry], path: Path) -> list[Entry]:
     table = path.with_name("sensor.json")
     if path.name != "calibrated_sensor.json" or not table.is_file():
         return entries
-    rows = json.loads(table.read_text("utf-8"))
-    channels = {row["token"]: row["channel"] for row in rows}
+    root = _root(read_content(table))
+    rows = root.items() if root else []
+    channels = {row.need("token").text(): row.need("channel").text() for row in rows}
     return [
         Entry(tuple(channels[name] for name in entry.names if name in channels) + entry.names, entry.read)
         for entry in entries

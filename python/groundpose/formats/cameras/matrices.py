@@ -149,6 +149,9 @@ def _read_matlab(record: Record) -> View:
         numbers(part) if (part := record.get(key)) else []
         for key in ("RadialDistortion", "TangentialDistortion")
     )
+    for key, given, most in (("RadialDistortion", radial, 3), ("TangentialDistortion", tangential, 2)):
+        if len(given) > most:
+            record.need(key).fail(f"at most {most} numbers", str(len(given)))
     k1, k2, k3 = (*radial, 0.0, 0.0, 0.0)[:3]
     p1, p2 = (*tangential, 0.0, 0.0)[:2]
     record.ignore("EstimateSkew", "NumRadialDistortionCoefficients", "EstimateTangentialDistortion")

@@ -92,7 +92,7 @@ _COLMAP: dict[str, tuple[str, tuple[int, ...]]] = {
 }
 """Models of COLMAP: our lens model, and the places of their coefficients in it."""
 _ONE_FOCAL_LENGTH = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
-_COLMAP_LINE = re.compile(r"[0-9]+\s+[A-Z][A-Z0-9_]+\s+[0-9]+\s+[0-9]+(\s+\S+)+")
+_COLMAP_LINE = re.compile(r"[0-9]+\s+[A-Z][A-Z0-9_]+\s+[0-9]{1,9}\s+[0-9]{1,9}(\s+\S+)+")
 
 
 def colmap_entries(content: Content) -> list[Entry]:
