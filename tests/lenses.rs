@@ -2,8 +2,10 @@
 
 use groundpose::{Camera, Lens};
 
+type Row = (&'static str, &'static [f64], [f64; 2], [f64; 2]);
+
 /// Model, coefficients, a normalised point and where OpenCV 5.0 (`projectPoints`, `fisheye::distortPoints`) puts it.
-const OPENCV: [(&str, &[f64], [f64; 2], [f64; 2]); 5] = [
+const OPENCV: [Row; 5] = [
     ("brown_conrady", &[-0.3, 0.1, 0.001, -0.002, 0.02], [0.5, -0.4], [0.44537421, -0.356545368]),
     (
         "rational",

@@ -84,7 +84,8 @@ def _read_waymo(record: Record, field: Field) -> View:
     found = numbers(extrinsic)
     if len(found) != 16:
         extrinsic.fail("a 4 x 4 matrix", f"{len(found)} numbers")
-    return tilted(camera, np.array(found).reshape(4, 4)[:3, :3] @ _OPTICAL)
+    with extrinsic.blamed():
+        return tilted(camera, np.array(found).reshape(4, 4)[:3, :3] @ _OPTICAL)
 
 
 def cityscapes_entries(record: Record) -> list[Entry]:

@@ -51,7 +51,9 @@ def _read_raw(record: Record) -> View:
     field = record.need(*_MATRIX)
     record.ignore("rectification_matrix", "R", *_PROJECTION)
     lens, window = listed(record), _window(record)
-    return View(window.of(sized(record, field, _upright(field), lens)))
+    camera = sized(record, field, _upright(field), lens)
+    with record.field.blamed():
+        return View(window.of(camera))
 
 
 def _upright(field: Field) -> FloatArray:
@@ -67,7 +69,9 @@ def _read_rectified(record: Record, projection: Field) -> View:
     named_lens(record)
     record.ignore(*_MATRIX, *COEFFICIENTS)
     window = _window(record)
-    return View(window.of(sized(record, projection, matrix(projection, 4)[:, :3], NO_LENS)))
+    camera = sized(record, projection, matrix(projection, 4)[:, :3], NO_LENS)
+    with record.field.blamed():
+        return View(window.of(camera))
 
 
 @dataclass(frozen=True)
