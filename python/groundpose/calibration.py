@@ -1,4 +1,4 @@
-"""Readers of calibration files: paths in, plain numbers out."""
+"""Projection matrices of KITTI's calibration files: a path in, plain numbers out."""
 
 from __future__ import annotations
 
@@ -8,56 +8,37 @@ from pathlib import Path
 
 import numpy as np
 
-from groundpose._checks import FloatArray, input_error
-from groundpose.lens import lens_of
+from groundpose._checks import FloatArray, finite, input_error
 
-Path_ = str | PathLike[str]
+_LINE = re.compile(r"\s*([A-Za-z]\w*)(?:\s*:\s*|\s+)(\S.*)")
 
 
-def read_kitti_projection(path: Path_, name: str = "P2") -> FloatArray:
+def kitti_lines(text: str) -> dict[str, tuple[int, str]]:
+    """Names of a KITTI calibration text's lines, each with its number from 1 and what stands behind it."""
+    lines = ((number, _LINE.match(line)) for number, line in enumerate(text.splitlines(), 1))
+    return {match[1]: (number, match[2].strip()) for number, match in lines if match}
+
+
+def kitti_numbers(place: str, text: str, count: int) -> FloatArray:
+    """The finite numbers (count,) of a line. Raises InputError, which begins with `place`."""
+    try:
+        numbers = np.array([float(word) for word in text.split()])
+    except ValueError:
+        numbers = np.zeros(0)
+    if len(numbers) != count:
+        words = {9: "nine", 12: "twelve"}
+        raise input_error(place, f"{words.get(count, count)} numbers", repr(text[:80]))
+    return finite(place, numbers)
+
+
+def read_kitti_projection(path: str | PathLike[str], name: str = "P2") -> FloatArray:
     """The 3 x 4 projection matrix `name` of a KITTI calibration file (object, tracking or raw set).
 
     Raises `InputError` when the file has no such line or not twelve numbers in it.
     """
-    for line in Path(path).read_text(encoding="utf-8").splitlines():
-        key, _, values = line.strip().partition(" ")
-        if key.rstrip(":") not in (name, name.replace("P", "P_rect_0")):
-            continue
-        try:
-            numbers = [float(x) for x in values.split()]
-        except ValueError:
-            numbers = []
-        if len(numbers) != 12:
-            raise input_error(f"{path}: {name}", "twelve numbers", repr(values))
-        return np.array(numbers).reshape(3, 4)
+    lines = kitti_lines(Path(path).read_text(encoding="utf-8-sig"))
+    for key in (name, name.replace("P", "P_rect_0")):
+        if key in lines:
+            number, text = lines[key]
+            return kitti_numbers(f"{path}:{number}: {key}", text, 12).reshape(3, 4)
     raise input_error(str(path), f"a KITTI calibration file with a line {name}", "none")
-
-
-def read_opencv_yaml(path: Path_) -> tuple[FloatArray, FloatArray, tuple[int, int] | None, str]:
-    """`(K, distortion, image_size, lens)` from a file of OpenCV's FileStorage or of ROS camera_calibration.
-
-    Read are `camera_matrix`, `distortion_coefficients` (absent: none), `image_width` and
-    `image_height` (absent: None), in any spelling of upper and lower case, and the name of the lens
-    model. Raises `InputError`.
-    """
-    text = Path(path).read_text(encoding="utf-8")
-    K = _yaml_matrix(text, "camera_matrix")
-    if K is None or K.size != 9:
-        raise input_error(str(path), "a YAML file with a 3 x 3 camera_matrix", "none")
-    distortion = _yaml_matrix(text, "distortion_coefficients")
-    size = [re.search(rf"(?im)^image_{side}\s*:\s*(\d+)", text) for side in ("width", "height")]
-    width, height = (int(match.group(1)) if match else None for match in size)
-    image_size = (width, height) if width is not None and height is not None else None
-    distortion = np.zeros(0) if distortion is None else distortion
-    return K.reshape(3, 3), distortion, image_size, lens_of(text, str(path))
-
-
-def _yaml_matrix(text: str, name: str) -> FloatArray | None:
-    """The numbers of `data: [...]` below `name:`; both writers use this form and no other."""
-    match = re.search(rf"(?ims)^{name}\s*:.*?^\s+data\s*:\s*\[(.*?)\]", text)
-    if match is None:
-        return None
-    try:
-        return np.array([float(x) for x in match.group(1).replace(",", " ").split()])
-    except ValueError:
-        return None

@@ -5,7 +5,6 @@ The mathematics of each stands in a file of the Rust core's `geometry/lens`. A n
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 from groundpose._checks import input_error, shaped, text
@@ -20,31 +19,47 @@ class LensModel:
 
     Args:
         coefficients: names of its coefficients in order.
-        required: how many of them must be given; the others are then 0.
+        counts: how many of them can be given; the others are then 0.
         ros: its name as `distortion_model` of ROS's calibration files and camera_info messages.
+        names: what other tools call it, in small letters and digits alone.
     """
 
     coefficients: tuple[str, ...]
-    required: int
+    counts: tuple[int, ...]
     ros: str
-
-    @property
-    def counts(self) -> range:
-        """How many coefficients can be given."""
-        return range(self.required, len(self.coefficients) + 1)
+    names: tuple[str, ...]
 
     def checked(self, argument: str, value: object) -> tuple[float, ...]:
         """As many coefficients as the model has. Raises InputError, TypeError."""
         given = shaped(argument, value, *((n,) for n in self.counts)).tolist()
         return (*given, *[0.0] * (len(self.coefficients) - len(given)))
 
+    def shortest(self, coefficients: tuple[float, ...]) -> tuple[float, ...]:
+        """The coefficients without zeros at the end, as far as the model's counts allow."""
+        return next(coefficients[:n] for n in self.counts if not any(coefficients[n:]))
 
+
+_BROWN = ("k1", "k2", "p1", "p2", "k3")
 LENSES: dict[str, LensModel] = {
-    "brown_conrady": LensModel(("k1", "k2", "p1", "p2", "k3"), 4, "plumb_bob"),
+    "brown_conrady": LensModel(
+        _BROWN, (4, 5), "plumb_bob", ("plumbbob", "radtan", "radialtangential", "brownconrady", "opencv")
+    ),
+    "rational": LensModel(
+        (*_BROWN, "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),
+        (8, 12, 14),
+        "rational_polynomial",
+        ("rationalpolynomial", "rational", "fullopencv", "thinprism", "tilted"),
+    ),
+    "equidistant": LensModel(
+        ("k1", "k2", "k3", "k4"),
+        (4,),
+        "equidistant",
+        (
+            *("equidistant", "equi", "fisheye", "opencvfisheye"),
+            *("kannalabrandt", "kannalabrandt4", "kannalabrandt8"),
+        ),
+    ),
 }
-
-_NO_MODEL = ("none", "pinhole", "")
-"""What files of cameras without a lens model say instead of its name."""
 
 
 def lens_name(argument: str, value: object) -> str:
@@ -53,16 +68,3 @@ def lens_name(argument: str, value: object) -> str:
     if name not in LENSES:
         raise input_error(argument, f"one of {', '.join(LENSES)}", repr(name))
     return name
-
-
-def lens_of(content: str, place: str) -> str:
-    """The lens model that a YAML text of OpenCV or ROS names. Raises InputError for an unknown one."""
-    names = {model.ros: name for name, model in LENSES.items()}
-    found = DEFAULT_LENS
-    for match in re.finditer(r"(?m)^(?:distortion|camera)_model\s*:\s*[\"']?(\w*)", content):
-        if match.group(1) in _NO_MODEL:
-            continue
-        if match.group(1) not in names:
-            raise input_error(f"{place}: distortion_model", f"{', '.join(names)} or none", match.group(1))
-        found = names[match.group(1)]
-    return found

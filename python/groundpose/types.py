@@ -23,7 +23,7 @@ from groundpose._checks import (
     type_error,
 )
 from groundpose._value import Value
-from groundpose.calibration import read_kitti_projection, read_opencv_yaml
+from groundpose.calibration import read_kitti_projection
 from groundpose.lens import DEFAULT_LENS, LENSES, lens_name
 
 
@@ -35,7 +35,8 @@ class Camera(Value):
         fx, fy: focal lengths in pixels, positive.
         cx, cy: principal point in pixels.
         distortion: coefficients of the lens model, undone on the way in; `k1, k2, p1, p2[, k3]` of OpenCV's
-            model. None: none.
+            model, its 8, 12 or 14 with `lens="rational"`, the four of its fisheye with `lens="equidistant"`.
+            None: no lens.
         image_size: `(width, height)` in pixels; tells which box sides are cut by the image border.
         lens: the lens model, a name in `groundpose.lens.LENSES`.
 
@@ -89,6 +90,21 @@ class Camera(Value):
         return cls(f, f, 0.5 * (width - 1), 0.5 * (height - 1), image_size=(width, height))
 
     @classmethod
+    def from_file(cls, path: str | PathLike[str], name: str | None = None) -> Camera:
+        """The camera of a file of any format that `groundpose.formats.calibrations` knows, by its content.
+
+        Args:
+            path: the file.
+            name: which camera of several: its key, name, token, channel or number in the file.
+
+        Raises:
+            OSError: no such file. InputError: naming file and key; a file of several cameras lists them.
+        """
+        from groundpose.formats.calibrations import read_calibration
+
+        return read_calibration(path, name).camera
+
+    @classmethod
     def from_kitti(
         cls, path: str | PathLike[str], name: str = "P2", image_size: tuple[int, int] | None = None
     ) -> Camera:
@@ -101,12 +117,8 @@ class Camera(Value):
 
     @classmethod
     def from_opencv_yaml(cls, path: str | PathLike[str]) -> Camera:
-        """From a YAML file written by OpenCV's FileStorage or by ROS camera_calibration."""
-        K, distortion, image_size, lens = read_opencv_yaml(path)
-        names = LENSES[lens].coefficients
-        if np.any(distortion[len(names) :] != 0.0):
-            raise input_error("distortion_coefficients", ", ".join(names), f"{len(distortion)} numbers")
-        return cls.from_K(K, distortion[: len(names)].tolist() if distortion.size else None, image_size, lens)
+        """`from_file` under its former name, of the time when it read OpenCV's and ROS's YAML alone."""
+        return cls.from_file(path)
 
     @property
     def K(self) -> FloatArray:

@@ -8,23 +8,15 @@ import numpy as np
 import pytest
 from groundpose.formats.boxes import read_boxes
 from groundpose.formats.calibrations import read_calibration
-from groundpose.formats.camera_files import (
-    format_camera_info,
-    format_nuscenes,
-    format_opencv_yaml,
-    is_camera_info,
-    is_nuscenes,
-    is_opencv,
-    read_camera_info,
-    read_nuscenes,
-    read_opencv,
-)
-from groundpose.formats.content import read_content
+from groundpose.formats.camera_files import format_camera_info, format_nuscenes, format_opencv_yaml
 
 CAMERAS = [
     gp.Camera(1000.5, 990.25, 640.125, 360.0),
     gp.Camera(721.5377, 721.5377, 609.5593, 172.854, image_size=(1242, 375)),
     gp.Camera(1e3 / 3, 400.0, 319.5, 239.5, (-0.31, 0.12, 1e-3, -2e-5, -0.02), (640, 480)),
+    gp.Camera(500.0, 500.0, 319.5, 239.5, (0.4, -0.1, 1e-3, 0, 0.02, 0.7, 0.1, 0.01), (640, 480), "rational"),
+    gp.Camera(300.0, 300.0, 319.5, 239.5, (-0.02, 0.01, -0.008, 0.002), (640, 480), "equidistant"),
+    gp.Camera(300.0, 300.0, 319.5, 239.5, (0.0, 0.0, 0.0, 0.0), (640, 480), "equidistant"),
 ]
 ROS2 = """header:
   frame_id: camera
@@ -67,23 +59,16 @@ SENSOR = {
 LIDAR = {"token": "a", "translation": [0, 0, 1.8], "rotation": [1, 0, 0, 0], "camera_intrinsic": []}
 
 
-def content(folder, text):
+def read(folder, text, name=None):
     path = folder / "camera"
     path.write_text(text if isinstance(text, str) else json.dumps(text))
-    return read_content(path)
+    return read_calibration(path, name)
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_yaml_round_trips(tmp_path, camera):
-    text = content(tmp_path, format_opencv_yaml(camera))
-    assert is_opencv(text)
-    assert not is_camera_info(text)
-    same = camera if camera.distortion else gp.Camera.from_K(camera.K, (0.0,) * 5, camera.image_size)
-    assert read_opencv(text).camera == same
-    text = content(tmp_path, format_camera_info(camera))
-    assert is_camera_info(text)
-    assert not is_opencv(text)
-    assert read_camera_info(text) == gp.View(camera)
+    for write in (format_opencv_yaml, format_camera_info):
+        assert read(tmp_path, write(camera)) == gp.View(camera)
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
@@ -94,66 +79,73 @@ def test_opencv_reads_what_is_written(tmp_path, camera):
     file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     np.testing.assert_array_equal(file.getNode("camera_matrix").mat(), camera.K)
     given = file.getNode("distortion_coefficients").mat().ravel()
-    np.testing.assert_array_equal(given, camera.distortion or (0.0,) * 5)
+    expected = camera.distortion or (0.0,) * 5
+    np.testing.assert_array_equal(given, expected[: len(given)])
+    assert not any(expected[len(given) :])
 
 
 def test_a_message_of_ros_2_is_read(tmp_path):
-    view = read_camera_info(content(tmp_path, ROS2))
+    view = read(tmp_path, ROS2)
     expected = gp.Camera(500.0, 510.0, 319.5, 239.5, (-0.31, 0.12, 0.001, 0.0, 0.0), (640, 480))
     assert view == gp.View(expected)
     lines = ROS2.replace("k:\n- 500.0\n- 0.0\n", "k: [500.0, 0.0,\n  ").replace(
         "- 319.5\n- 0.0\n", "319.5, 0.0, "
     )
     lines = lines.replace("- 510.0\n- 239.5\n- 0.0\n- 0.0\n- 1.0\n", "510, 239.5, 0., 0., 1.]\n")
-    assert read_camera_info(content(tmp_path, lines)) == view
-    assert read_camera_info(content(tmp_path, ROS2.replace("\n", "\r\n"))) == view
+    assert read(tmp_path, lines) == view
+    assert read(tmp_path, ROS2.replace("\n", "\r\n")) == view
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (ROS2.replace("plumb_bob", "equidistant"), "distortion_model: expected plumb_bob"),
-        (ROS2.replace("- 510.0\n", ""), "K: expected nine numbers"),
-        (ROS2.replace("- 0.12\n", "- 0.12\n" * 4), "D: expected none, 4 or 5 numbers"),
-        (ROS2.replace("- 510.0", "- five"), "K: expected numbers"),
-        (ROS2.replace("- 510.0", "- -1.0"), "fy"),
+        (
+            ROS2.replace("plumb_bob", "equidistant").replace("- 0.0\nk", "- 0.1\nk"),
+            "camera: d: expected four coefficients of a fisheye, got 5",
+        ),
+        (
+            ROS2.replace("plumb_bob", "ftheta"),
+            "camera: distortion_model: expected one of plumb_bob, .* or none",
+        ),
+        (ROS2.replace("- 510.0\n", ""), "camera: k: expected a 3 x 3 matrix, nine numbers, got 8 numbers"),
+        (ROS2.replace("- 0.12\n", "- 0.12\n" * 4), "camera: d: expected none, 4 or 5 numbers .*, got 8"),
+        (ROS2.replace("- 510.0", "- five"), r"camera: k\[4\]: expected numbers"),
+        (ROS2.replace("- 510.0", "- -1.0"), "camera: k: fy"),
+        (
+            ROS2.replace("height: 480", "height: 480\nheight: 481"),
+            "camera:4: expected YAML, got the key 'height' twice",
+        ),
     ],
 )
 def test_bad_messages_are_refused(tmp_path, text, message):
     with pytest.raises(gp.InputError, match=message):
-        read_camera_info(content(tmp_path, text))
-
-
-def test_a_fisheye_of_opencv_is_refused(tmp_path):
-    text = format_opencv_yaml(CAMERAS[0]) + "distortion_model: fisheye\n"
-    with pytest.raises(gp.InputError, match="distortion_model"):
-        read_opencv(content(tmp_path, text))
+        read(tmp_path, text)
 
 
 def test_nuscenes_cameras_are_read(tmp_path):
     for given in (SENSOR, [SENSOR], [LIDAR, SENSOR]):
-        text = content(tmp_path, given)
-        assert is_nuscenes(text)
-        view = read_nuscenes(text)
+        view = read(tmp_path, given)
         assert view.camera.fx == pytest.approx(1266.417203046554)
         assert view.height == pytest.approx(1.51095763913)
         assert abs(math.degrees(view.pitch)) < 1.0  # mounted almost level
         assert abs(math.degrees(view.roll)) < 1.0
-    assert not is_nuscenes(content(tmp_path, "[1, 2]"))
-    assert not is_nuscenes(content(tmp_path, '{"fx": 1}'))
-    with pytest.raises(gp.InputError, match="the record of one camera, got 2"):
-        read_nuscenes(content(tmp_path, [SENSOR, SENSOR]))
+    two = [SENSOR, {**SENSOR, "token": "other"}]
+    with pytest.raises(gp.InputError, match=r"camera: expected the name of one of 1d31c.*, other, got none"):
+        read(tmp_path, two)
+    assert read(tmp_path, two, "other") == view
+    with pytest.raises(gp.InputError, match="which 2 of them are called"):
+        read(tmp_path, two, SENSOR["sensor_token"])
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(0.0, 0.0), (-0.2, 0.03), (0.1, -0.4), (1.2, 0.0)])
 def test_nuscenes_tilt_round_trips(tmp_path, pitch, roll):
     view = gp.View(CAMERAS[1], pitch, roll, 1.6)
-    again = read_nuscenes(content(tmp_path, format_nuscenes(view)))
+    again = read(tmp_path, format_nuscenes(view))
     assert again.camera == view.camera
     assert (again.pitch, again.roll, again.height) == pytest.approx((pitch, roll, 1.6))
     bare = json.loads(format_nuscenes(view))
     del bare["rotation"], bare["translation"]
-    assert read_nuscenes(content(tmp_path, bare)) == gp.View(view.camera)
+    assert read(tmp_path, bare) == gp.View(view.camera)
 
 
 def test_every_format_is_told_by_its_content(tmp_path):
@@ -231,5 +223,10 @@ def test_a_calibration_file_of_ros_is_read(tmp_path):
     path.write_text(ROS_CALIBRATION)
     assert read_calibration(path) == gp.View(expected)
     path.write_text(ROS_CALIBRATION.replace("plumb_bob", "rational_polynomial"))
-    with pytest.raises(gp.InputError, match="distortion_model: expected plumb_bob"):
-        read_calibration(path)
+    assert read_calibration(path) == gp.View(expected), "three of its coefficients are 0"
+    assert gp.Camera.from_file(path, "raw") == expected
+    assert gp.Camera.from_file(path, "rectified") == gp.Camera(
+        480.0, 480.0, 320.0, 240.0, image_size=(640, 480)
+    )
+    with pytest.raises(gp.InputError, match="one of narrow_stereo, narrow_stereo rectified, got 'left'"):
+        gp.Camera.from_file(path, "left")

@@ -385,3 +385,30 @@ def test_opencv_gives_red_green_blue(tmp_path):
     frames = list(cli_inputs.video(path))
     assert len(frames) == 3
     assert frames[0].mean(axis=(0, 1)).argmax() == 0
+
+
+def test_a_camera_of_several_is_named_and_a_field_of_view_needs_no_file(street, model):
+    K = [[CALIBRATION["fx"], 0, CALIBRATION["cx"]], [0, CALIBRATION["fy"], CALIBRATION["cy"]], [0, 0, 1]]
+    dump("rig.json", {"front": {"K": K}, "rear": {"K": [[9, 0, 1], [0, 9, 1], [0, 0, 1]]}})
+    result = estimate(model, "--calib", "rig.json", "-o", "o.jsonl", "--no-pictures")
+    assert result.exit_code == 2
+    assert "rig.json: camera: expected the name of one of front, rear, got none" in one_line(result)
+    named = estimate(model, "--calib", "rig.json", "--camera", "front", "-o", "o.jsonl", "--no-pictures")
+    assert named.exit_code == 0, named.output
+    fov = np.degrees(2.0 * np.arctan(0.5 * SIZE[0] / CALIBRATION["fx"]))
+    seen = estimate(model, "--fov-deg", str(fov), "-o", "fov.jsonl", "--no-pictures")
+    assert seen.exit_code == 0, seen.output
+    for options, text in (
+        (("--camera", "front"), "--camera: expected --calib with a file of several cameras, got none"),
+        (("--fov-deg", "50", "--calib", "rig.json"), "--fov-deg: expected no --calib beside it, got both"),
+        (("--fov-deg", "180"), "--fov-deg: expected degrees between 0 and 180, got 180"),
+    ):
+        result = estimate(model, *options, "-o", "x.jsonl")
+        assert result.exit_code == 2
+        assert text in one_line(result)
+
+
+def test_a_camera_of_another_image_size_is_remarked_on(street, model):
+    dump("large.json", {name: 2.0 * CALIBRATION[name] for name in ("fx", "fy", "cx", "cy")})
+    result = estimate(model, "--calib", "large.json", "-o", "o.jsonl", "--no-pictures")
+    assert "far off the middle of a picture" in " ".join(result.output.split())

@@ -130,7 +130,7 @@ BAD_FIELDS = {
     "camera.cy": (float("nan"), "camera.cy: expected a finite number"),
     "camera.f": (1, "camera.f: expected"),
     "camera.lens": ("fisheye", "camera: lens: expected one of brown_conrady"),
-    "camera.distortion": ([1, 2], "camera.distortion: expected a list of 5 numbers, got [1, 2]"),
+    "camera.distortion": ([1, 2], "camera.distortion: expected a list of 4 or 5 numbers, got [1, 2]"),
     "camera.image_size": ([0, 5], "camera: image_size: expected positive"),
     "pitch_deg": (95, "pitch: expected radians"),
     "roll_deg": ([1], "roll_deg: expected a finite number"),

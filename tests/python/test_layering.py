@@ -32,6 +32,7 @@ ROOMS = (
 # Imports that go the other way, with the reason. They run inside a function, when somebody asks for it.
 DOORS = {
     ("poses", "formats.kitti.results"): "PoseBatch.to_kitti: a result writes itself in the usual format",
+    ("types", "formats.calibrations"): "Camera.from_file: a camera reads itself from any format",
     ("poses", "draw"): "PoseBatch.draw: a result shows itself",
     (
         "vehicles",

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from groundpose._core import InputError
+from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.inputs import NetworkFile, is_image
 from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.options import takes_options
@@ -44,7 +45,17 @@ def estimate(
     calib: Annotated[
         Path | None,
         typer.Option(
-            help="The camera: KITTI, OpenCV, ROS, nuScenes, JSON; of a folder one file or a folder."
+            help="The camera: KITTI, OpenCV, ROS, nuScenes, JSON ...; of a folder one file or a folder."
+        ),
+    ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Which camera of [bold]--calib[/bold], when it has several."),
+    ] = None,
+    fov_deg: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEG", help="Horizontal field of view of an ideal lens, instead of [bold]--calib[/bold]."
         ),
     ] = None,
     network: NetworkFile = None,
@@ -155,10 +166,13 @@ def estimate(
         mounting = Mounting(pitch, roll, height, sigma, frame, learned)
         job = _Job(options, threads, mounting, out, form, draw)
         if boxes is not None or is_image(source):
-            status = job.images(source, boxes, calib, network, vehicle_threshold, min_score, pictures)
+            seen_by = CameraChoice(calib, camera, fov_deg)
+            status = job.images(source, boxes, seen_by, network, vehicle_threshold, min_score, pictures)
         else:
             for_images = {
                 "calib": calib,
+                "camera": camera,
+                "fov-deg": fov_deg,
                 "network": network,
                 "min-score": min_score,
                 "vehicle-threshold": vehicle_threshold,
@@ -190,7 +204,7 @@ class _Job:
         self,
         source: Path,
         boxes: Path | None,
-        calib: Path | None,
+        camera: CameraChoice,
         network: Path | None,
         vehicle_threshold: float | None,
         min_score: float | None,
@@ -206,10 +220,10 @@ class _Job:
             network, options=self.options, threads=self.threads, vehicle_threshold=vehicle_threshold
         )
         work = ImageWork(
-            source, boxes, calib, self.mounting, -math.inf if min_score is None else min_score, pipeline
+            source, boxes, camera, self.mounting, -math.inf if min_score is None else min_score, pipeline
         )
         lines, picture = destinations(self.out, self.form, work.several)
-        for given in (source, boxes, calib):
+        for given in (source, boxes, camera.calibration):
             if lines is not None and given is not None and lines.exists() and lines.samefile(given):
                 refuse(f"-o {self.out}: {lines} is an input; give another name")
         drawn = self._pictures(work.several, picture if pictures else None)

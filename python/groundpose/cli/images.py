@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from groundpose._checks import input_error
 from groundpose._core import InputError
+from groundpose.cli.cameras import CameraChoice, remark_on
 from groundpose.cli.inputs import PICTURES, companion, is_video, pictures, video
 from groundpose.cli.output import Style
 from groundpose.cli.run import Mounting, Result
 from groundpose.formats.boxes import ANY, Box, Boxes, read_boxes
-from groundpose.formats.calibrations import read_calibration
 from groundpose.formats.frames import Frame, FrameObject
 from groundpose.formats.kitti.labels import TYPE_OF
 from groundpose.formats.records import pose_record, tilt_members
@@ -33,13 +33,14 @@ class ImageWork:
     Args:
         path: a picture, a folder of pictures or a video.
         boxes: a file with the boxes of the image or of all images, or a folder with a file per image.
-        calibration: a file for all images, or a folder with a file per image; None: the boxes have it.
+        camera: what is said of the camera; nothing: the boxes have it.
         mounting: instead of what the files say.
         min_score: boxes that a detector gives a lower score are left out.
         pipeline: that finds the poses.
 
     Attributes:
         left_out: how many boxes were left out, by reason.
+        seen: what looks wrong in the cameras, and in how many images.
         no_vehicle: how many boxes hold no vehicle.
 
     Raises:
@@ -48,11 +49,12 @@ class ImageWork:
 
     path: Path
     boxes: Path
-    calibration: Path | None
+    camera: CameraChoice
     mounting: Mounting
     min_score: float
     pipeline: Pipeline
     left_out: Counter[str] = field(default_factory=Counter)
+    seen: Counter[str] = field(default_factory=Counter)
     no_vehicle: int = 0
     noun = "images"
 
@@ -66,9 +68,8 @@ class ImageWork:
         self._boxes = None if self.boxes.is_dir() else read_boxes(self.boxes)
         if self.several and self._boxes and ANY in self._boxes.images:
             raise input_error(str(self.boxes), "boxes that name their images", "those of one image")
-        given = self.calibration
-        self._view = None if given is None or given.is_dir() else read_calibration(given)
-        if given is None and self._boxes and not any(b.view for b in self._boxes.images.values()):
+        self._view = self.camera.of_all()
+        if not self.camera.is_given and self._boxes and not any(b.view for b in self._boxes.images.values()):
             raise _no_camera(self.name)
 
     def __iter__(self) -> Iterator[Result | InputError]:
@@ -82,7 +83,8 @@ class ImageWork:
 
     def remarks(self) -> list[str]:
         """What was left out, and what held no vehicle."""
-        said = [f"left out: {count} x {reason}" for reason, count in self.left_out.most_common()]
+        said = [f"{remark} ({count} x)" for remark, count in self.seen.most_common()]
+        said += [f"left out: {count} x {reason}" for reason, count in self.left_out.most_common()]
         if self.no_vehicle:
             said.append(f"{self.no_vehicle} box{'es hold' if self.no_vehicle > 1 else ' holds'} no vehicle")
         return said + self.mounting.remarks()
@@ -94,7 +96,7 @@ class ImageWork:
         try:
             pixels = as_rgb(path if image is None else image)
             found = self._boxes_of(name)
-            view = self._view_of(name, found)
+            view = self._view_of(name, found, (pixels.shape[1], pixels.shape[0]))
             boxes = [box for box in found.boxes if self._keeps(box)]
             poses = self._poses(path, pixels, boxes, view)
         except InputError as error:
@@ -118,12 +120,12 @@ class ImageWork:
         file = self._boxes or read_boxes(companion(self.boxes, name))
         return file.of(name)
 
-    def _view_of(self, name: str, boxes: Boxes) -> View:
-        view = self._view or boxes.view
-        if self.calibration is not None and self._view is None:
-            view = read_calibration(companion(self.calibration, name))
+    def _view_of(self, name: str, boxes: Boxes, size: tuple[int, int]) -> View:
+        view = self._view or self.camera.of_one(name, size) or boxes.view
         if view is None:
             raise _no_camera(name)
+        if remark := remark_on(view.camera, size):
+            self.seen[remark] += 1
         return self.mounting.of(view)
 
     def _poses(self, path: Path, pixels: NDArray[np.uint8], boxes: list[Box], view: View) -> VehiclePoses:

@@ -37,7 +37,12 @@ class Field:
         except (InputError, TypeError) as error:
             raise InputError(f"{self.where}: {error}") from None
 
-    def _child(self, value: Any, step: str) -> Field:
+    def with_value(self, value: Any) -> Field:
+        """Another value at the same place."""
+        return Field(value, self.place, self.path)
+
+    def child(self, value: Any, step: str) -> Field:
+        """A value one step further: `.name` or `[3]`."""
         return Field(value, self.place, (self.path + step).removeprefix("."))
 
     def members(self, allowed: Collection[str]) -> None:
@@ -48,28 +53,28 @@ class Field:
             if key not in allowed and not key.startswith("_"):
                 close = difflib.get_close_matches(key, allowed, 1)
                 expected = f"{close[0]!r}" if close else f"one of {', '.join(sorted(allowed))}"
-                self._child(None, f".{key}").fail(expected, "an unknown field")
+                self.child(None, f".{key}").fail(expected, "an unknown field")
 
     def get(self, key: str) -> Field | None:
         """A member, or None when it is absent or null."""
         value = self.value.get(key)
-        return None if value is None else self._child(value, f".{key}")
+        return None if value is None else self.child(value, f".{key}")
 
     def need(self, key: str) -> Field:
         """A member that must be there."""
-        return self.get(key) or self._child(None, f".{key}").fail("a value", "none")
+        return self.get(key) or self.child(None, f".{key}").fail("a value", "none")
 
     def entries(self) -> list[tuple[str, Field]]:
         """All members of an object of free names."""
         if not isinstance(self.value, dict):
             self.fail("an object {...}")
-        return [(key, self._child(value, f".{key}")) for key, value in self.value.items()]
+        return [(key, self.child(value, f".{key}")) for key, value in self.value.items()]
 
     def items(self) -> list[Field]:
         """The entries of a list."""
         if not isinstance(self.value, list):
             self.fail("a list [...]")
-        return [self._child(value, f"[{i}]") for i, value in enumerate(self.value)]
+        return [self.child(value, f"[{i}]") for i, value in enumerate(self.value)]
 
     def text(self) -> str:
         """A string."""
@@ -98,10 +103,12 @@ class Field:
             return math.nan
         return float(self.value) if isinstance(self.value, float) else self.number()
 
-    def numbers(self, count: int, unknown: bool = False) -> list[float]:
-        """A list of `count` numbers; with `unknown`, null and NaN are allowed and become NaN."""
-        if not isinstance(self.value, list) or len(self.value) != count:
-            self.fail(f"a list of {count} numbers")
+    def numbers(self, count: int | tuple[int, ...], unknown: bool = False) -> list[float]:
+        """A list of `count` numbers, or of one of these counts; with `unknown`, null and NaN are allowed and
+        become NaN."""
+        counts = (count,) if isinstance(count, int) else count
+        if not isinstance(self.value, list) or len(self.value) not in counts:
+            self.fail(f"a list of {' or '.join(map(str, counts))} numbers")
         if all(type(x) is float and x - x == 0.0 for x in self.value):  # the usual case, quickly
             return list(self.value)
         return [item.number_or_nan() if unknown else item.number() for item in self.items()]

@@ -5,7 +5,7 @@ A frame is one object, in a file of its own or on one line of a JSON-lines file:
     {
       "id": "000123",                        # string or number; default: the line
       "camera": {"fx": 1000, "fy": 1000, "cx": 640, "cy": 360,
-                 "distortion": [k1, k2, p1, p2, k3],          # optional
+                 "distortion": [k1, k2, p1, p2, k3],          # optional, as the lens has them
                  "image_size": [1280, 720],                   # optional
                  "lens": "brown_conrady"},                    # optional, the lens model of the distortion
       "pitch_deg": 0.6, "roll_deg": 0,       # optional, default 0; or
@@ -212,7 +212,7 @@ def read_camera(field: Field) -> Camera:
     coefficients, size, name = field.get("distortion"), field.get("image_size"), field.get("lens")
     with field.blamed():
         lens = lens_name("lens", name.value if name else DEFAULT_LENS)
-    distortion = tuple(coefficients.numbers(len(LENSES[lens].coefficients))) if coefficients else None
+    distortion = tuple(coefficients.numbers(LENSES[lens].counts)) if coefficients else None
     width, height = size.numbers(2) if size else (None, None)
     with field.blamed():
         return Camera(

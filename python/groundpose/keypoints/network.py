@@ -28,8 +28,8 @@ VEHICLE_THRESHOLD = 0.5
 """For files without the metadata key `vehicle_threshold`."""
 MODELS = Path(__file__).parent / "models"
 BUNDLED = {"default": "default.onnx", "int8": "int8.onnx", "float32": "float32.onnx"}
-"""Files that come with the package, by name: "default" asks two networks in 8-bit arithmetic, "int8" the smaller
-of them alone, "float32" the same without quantising."""
+"""Files that come with the package, by name: "default" asks two networks in 8-bit arithmetic, "int8" the
+smaller of them alone, "float32" the same without quantising."""
 _NOT_BUNDLED = (
     "the bundled network is not part of this installation; give the file of one "
     "or make one with `groundpose train`"

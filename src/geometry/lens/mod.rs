@@ -5,8 +5,12 @@
 //! A new model is a file, a variant of [`Lens`] and a row of [`Lens::MODELS`].
 
 pub mod brown_conrady;
+pub mod equidistant;
+pub mod rational;
 
 use crate::geometry::lens::brown_conrady::BrownConrady;
+use crate::geometry::lens::equidistant::Equidistant;
+use crate::geometry::lens::rational::Rational;
 use crate::geometry::math::norm2;
 
 /// A lens model with its coefficients.
@@ -23,6 +27,10 @@ use crate::geometry::math::norm2;
 pub enum Lens {
     /// OpenCV's radial and tangential model.
     BrownConrady(BrownConrady),
+    /// OpenCV's model of 8, 12 or 14 coefficients.
+    Rational(Rational),
+    /// OpenCV's fisheye.
+    Equidistant(Equidistant),
 }
 
 /// What the file of a model says of it.
@@ -37,7 +45,10 @@ pub(crate) trait LensModel {
     fn is_ideal(&self) -> bool;
 
     /// Where the lens puts a normalised point.
-    fn distort(&self, point: [f64; 2]) -> Distorted;
+    fn distort(&self, point: [f64; 2]) -> [f64; 2];
+
+    /// The normalised point that the lens puts at `target`; `None` where there is none.
+    fn undistort(&self, target: [f64; 2]) -> Option<[f64; 2]>;
 }
 
 /// A normalised point behind the lens, and its derivatives by the point before the lens.
@@ -61,12 +72,17 @@ const LARGEST_ERROR: f64 = 1e-9;
 
 impl Lens {
     /// Every model by name, with its constructor: `None` for another number of coefficients than the model has.
-    pub const MODELS: [(&'static str, FromCoefficients); 1] =
-        [(BrownConrady::NAME, |k| Some(Self::BrownConrady(BrownConrady::new(k.try_into().ok()?))))];
+    pub const MODELS: [(&'static str, FromCoefficients); 3] = [
+        (BrownConrady::NAME, |k| Some(Self::BrownConrady(BrownConrady::new(k.try_into().ok()?)))),
+        (Rational::NAME, |k| Rational::of(k).map(Self::Rational)),
+        (Equidistant::NAME, |k| Some(Self::Equidistant(Equidistant::new(k.try_into().ok()?)))),
+    ];
 
     fn model(&self) -> &dyn LensModel {
         match self {
             Self::BrownConrady(model) => model,
+            Self::Rational(model) => model,
+            Self::Equidistant(model) => model,
         }
     }
 
@@ -89,29 +105,34 @@ impl Lens {
 
     /// Where the lens puts a normalised point.
     pub(crate) fn distort(&self, point: [f64; 2]) -> [f64; 2] {
-        self.model().distort(point).point
+        self.model().distort(point)
     }
 
-    /// The normalised point that the lens puts at `target`: Newton's method on the forward model from there. `None`
-    /// where it does not come back, beyond the radius at which the model folds over.
+    /// The normalised point that the lens puts at `target`. `None` where there is none, as beyond the radius at which
+    /// the model folds over.
     pub(crate) fn undistort(&self, target: [f64; 2]) -> Option<[f64; 2]> {
-        let model = self.model();
-        let [mut x, mut y] = target;
-        for _ in 0..MAX_STEPS {
-            let Distorted { point, jacobian: [a, b, c, d] } = model.distort([x, y]);
-            let (ex, ey) = (point[0] - target[0], point[1] - target[1]);
-            let determinant = a * d - b * c;
-            if determinant <= SMALLEST_DETERMINANT {
-                return None;
-            }
-            let (dx, dy) = ((d * ex - b * ey) / determinant, (a * ey - c * ex) / determinant);
-            x -= dx;
-            y -= dy;
-            if dx.abs() + dy.abs() < SMALLEST_STEP * (1.0 + x.abs() + y.abs()) {
-                break;
-            }
-        }
-        let back = model.distort([x, y]).point;
-        (norm2(back[0] - target[0], back[1] - target[1]) < LARGEST_ERROR).then_some([x, y])
+        self.model().undistort(target)
     }
+}
+
+/// The point that `distort` puts at `target`: Newton's method on the forward model from there. `None` where it does not
+/// come back.
+pub(crate) fn newton(target: [f64; 2], distort: impl Fn([f64; 2]) -> Distorted) -> Option<[f64; 2]> {
+    let [mut x, mut y] = target;
+    for _ in 0..MAX_STEPS {
+        let Distorted { point, jacobian: [a, b, c, d] } = distort([x, y]);
+        let (ex, ey) = (point[0] - target[0], point[1] - target[1]);
+        let determinant = a * d - b * c;
+        if determinant <= SMALLEST_DETERMINANT {
+            return None;
+        }
+        let (dx, dy) = ((d * ex - b * ey) / determinant, (a * ey - c * ex) / determinant);
+        x -= dx;
+        y -= dy;
+        if dx.abs() + dy.abs() < SMALLEST_STEP * (1.0 + x.abs() + y.abs()) {
+            break;
+        }
+    }
+    let back = distort([x, y]).point;
+    (norm2(back[0] - target[0], back[1] - target[1]) < LARGEST_ERROR).then_some([x, y])
 }
