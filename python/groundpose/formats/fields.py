@@ -51,7 +51,9 @@ class Field:
                 self._child(None, f".{key}").fail(expected, "an unknown field")
 
     def get(self, key: str) -> Field | None:
-        """A member, or None when it is absent or null."""
+        """A member, or None when it is absent or null. Raises InputError where there are no members."""
+        if not isinstance(self.value, dict):
+            self.fail("an object {...}")
         value = self.value.get(key)
         return None if value is None else self._child(value, f".{key}")
 
@@ -76,9 +78,11 @@ class Field:
         return self.value if isinstance(self.value, str) else self.fail("a string")
 
     def label(self) -> str | int:
-        """A string or a whole number."""
+        """A string or a whole number (3.0 is one: tools that work with floats write it)."""
         if isinstance(self.value, (str, int)) and not isinstance(self.value, bool):
             return self.value
+        if isinstance(self.value, float) and self.value.is_integer():
+            return int(self.value)
         self.fail("a string or a whole number")
 
     def number(self) -> float:
