@@ -269,6 +269,8 @@ def test_boxes_of_another_image_size(tmp_path):
         gp.InputError, match=r"coco\.json: expected boxes of an image of 50 x 100, got of 100 x 50; .*exif"
     ):
         found.in_pixels(50, 100, "coco.json")
+    with pytest.raises(gp.InputError, match=r"expected boxes of an image of 50 x 100, got of 0 x 3"):
+        Boxes((), size=(0, 3)).in_pixels(50, 100)
 
 
 @pytest.mark.parametrize(

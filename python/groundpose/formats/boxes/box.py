@@ -93,7 +93,7 @@ class Boxes:
         assert self.size is not None
         (w, h), (width, height) = self.size, size
         slack = 1.0 + max(width / max(w, 1), height / max(h, 1))  # a pixel of either
-        if abs(w * height - h * width) > slack * max(w, h):
+        if min(w, h) < 1 or abs(w * height - h * width) > slack * max(w, h):
             turned = "; is the picture turned? --no-exif takes it as it is stored" if (h, w) == size else ""
             raise input_error(place, f"boxes of an image of {width} x {height}", f"of {w} x {h}{turned}")
         return (width, height) if self.fractions else (width / w, height / h)
@@ -162,7 +162,7 @@ class BoxFile:
 
     def _numbered(self, path: PurePosixPath) -> Boxes:
         """By the number at the end of the name; frames in between that have no boxes are empty."""
-        numbers = sorted(int(key) for key in self.images if key.isdecimal())
+        numbers = sorted(number for key in self.images if isinstance(number := whole(key), int))
         digits = re.search(r"\d+$", path.stem)
         if digits:
             number = int(digits[0])
@@ -228,6 +228,14 @@ def kept(rows: Iterable[S], read: Callable[[S, int], T | None], skipped: Skips) 
     if first is not None and not found:
         raise first
     return found
+
+
+def whole(text: str) -> str | int:
+    """A name of digits as the number it is, if it is one of a usual length."""
+    return int(text) if text.isdecimal() and len(text) <= _LONGEST else text
+
+
+_LONGEST = 18
 
 
 def by_image(pairs: Iterable[tuple[str, Box]], known: Iterable[str] = ()) -> dict[str, Boxes]:

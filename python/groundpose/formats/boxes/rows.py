@@ -65,7 +65,15 @@ def is_csv(content: Content) -> bool:
 
 
 def _split(line: str) -> list[str]:
-    return next(csv.reader([line.strip()], delimiter=_delimiter(line)), [])
+    return _cells(line.strip(), _delimiter(line))
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """The cells of a line; none of one that is no CSV."""
+    try:
+        return next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:
+        return []
 
 
 def _delimiter(line: str) -> str:
@@ -80,7 +88,7 @@ def csv_table(content: Content, skipped: Skips) -> dict[str, Boxes]:
     order = _split(lines[0][1])
 
     def cells(line: tuple[str, str]) -> Row:
-        values = next(csv.reader([line[1]], delimiter=delimiter), [])
+        values = _cells(line[1], delimiter)
         if len(values) != len(order):
             raise input_error(line[0], f"{len(order)} columns", str(len(values)))
         by_name = dict(zip(order, values, strict=True))
@@ -100,7 +108,12 @@ def _value(text: str, delimiter: str) -> str | int | float:
         number = float(bare.replace(",", ".") if delimiter == ";" else bare)
     except ValueError:
         return bare
-    return int(bare) if bare.lstrip("+-").isdecimal() else number
+    digits = bare.removeprefix("-")
+    return int(bare) if digits.isdecimal() and len(digits) <= _LONGEST else number
+
+
+_LONGEST = 18
+"""Digits of a whole number."""
 
 
 def is_rows(content: Content) -> bool:

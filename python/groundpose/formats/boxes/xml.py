@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from groundpose.formats.boxes.box import ANY, Box, Boxes, by_image, kept
+from groundpose.formats.boxes.box import ANY, Box, Boxes, by_image, kept, whole
 from groundpose.formats.content import Content
 from groundpose.formats.skips import Skips
 from groundpose.formats.xml import Node, parse_xml
@@ -67,7 +67,7 @@ def cvat(content: Content, skipped: Skips) -> dict[str, Boxes]:
 
 
 def _cvat_box(node: Node, number: int, skipped: Skips) -> Box | None:
-    if float(node.attribute("rotation") or 0.0) != 0.0:
+    if node.attribute("rotation") and node.numbers("rotation") != [0.0]:
         skipped.add(TURNED, f"{node.place}: {node.path}")
         return None
     left, top, right, bottom = node.numbers("xtl", "ytl", "xbr", "ybr")
@@ -81,9 +81,7 @@ def _tracked(track: Node, skipped: Skips, node: Node, _: int) -> tuple[str, Box]
     if box is None:
         return None
     (frame,) = node.numbers("frame")
-    label = track.attribute("id")
-    identity = int(label) if label.isdecimal() else label
-    return str(int(frame)), Box(box.bbox, identity, track.attribute("label"))
+    return str(int(frame)), Box(box.bbox, whole(track.attribute("id")), track.attribute("label"))
 
 
 def detrac(content: Content, skipped: Skips) -> dict[str, Boxes]:
@@ -104,7 +102,7 @@ def _detrac_box(node: Node, number: int) -> Box:
     label = node.attribute("id")
     return Box(
         (left, top, left + width, top + height),
-        int(label) if label.isdecimal() else label or number,
+        whole(label) if label else number,
         "vehicle" if name == "others" else name,
     )
 
