@@ -1,5 +1,6 @@
 """Which names and numbers of classes are vehicles."""
 
+import pickle
 import types
 
 import groundpose as gp
@@ -102,6 +103,15 @@ def test_tracks_are_kept_and_classes_can_be_said(pipeline, tmp_path):
     assert own(street.image, given, street.view).classes.tolist() == ["", "car"]
     with pytest.raises(gp.InputError, match="classes: expected"):
         Pipeline(pipeline.network, classes={"person": "human"})
+
+
+def test_a_pipeline_goes_to_other_processes(pipeline):
+    street = example()
+    own = Pipeline(pipeline.network, threads=1, classes={"tram": "van_bus"})
+    again = pickle.loads(pickle.dumps(own))
+    assert (again.classes, again.network.path) == (own.classes, own.network.path)
+    a, b = (p(street.image, street.bboxes, street.view) for p in (own, again))
+    np.testing.assert_array_equal(a.t, b.t)
 
 
 def test_files_are_boxes_in_pixels_of_the_image(pipeline, tmp_path):

@@ -68,6 +68,7 @@ class Network:
         if name in BUNDLED and not self.path.exists():
             raise FileNotFoundError(2, _NOT_BUNDLED, str(self.path))
         self._session = _session(self.path, threads)
+        self._threads = threads
         self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
         self.version = self.metadata.get(FORMAT, "")
         if self.version not in OUTPUTS:
@@ -85,6 +86,10 @@ class Network:
         self.codec = Codec(*size, float(self.metadata["margin"]))
         self.calibration = Calibration.of(json.loads(self.metadata["score_calibration"]))
         self.vehicle_threshold = float(self.metadata.get("vehicle_threshold", VEHICLE_THRESHOLD))
+
+    def __reduce__(self) -> tuple[type[Network], tuple[str, int | None]]:
+        """Pickled as the place of its file, which another process loads again."""
+        return Network, (str(self.path.resolve()), self._threads)
 
     def __repr__(self) -> str:
         """File and size of a crop."""

@@ -12,6 +12,7 @@ from typing import Any
 
 from groundpose._checks import input_error
 from groundpose.formats.boxes.box import ANY, Box, Boxes, kept
+from groundpose.formats.boxes.tools import entries, first
 from groundpose.formats.content import Content
 from groundpose.formats.fields import Field
 from groundpose.formats.skips import Skips
@@ -118,19 +119,8 @@ _LONGEST = 18
 
 def is_rows(content: Content) -> bool:
     """A list of objects with the columns of a box, themselves or in a member `box` (ultralytics)."""
-    return bool(content.json) and _first(content) is not None
-
-
-def _items(content: Content) -> list[Field]:
-    if len(content.json) == 1 and isinstance(content.json[0].value, list):
-        return content.json[0].items()
-    return list(content.json)
-
-
-def _first(content: Content) -> Field | None:
-    """The first object, if its members are those of a box."""
-    first = next(iter(_items(content)), None)
-    return first if first is not None and isinstance(first.value, dict) and has_box(_row(first)) else None
+    one = first(content)
+    return isinstance(one.value, dict) and has_box(_row(one))
 
 
 def _row(field: Field) -> Row:
@@ -146,7 +136,7 @@ def _row(field: Field) -> Row:
 
 def rows(content: Content, skipped: Skips) -> dict[str, Boxes]:
     """A JSON object for each box; `class` may be a name or a number."""
-    return _boxes(kept(_items(content), lambda field, k: _box(_row(field), k, field), skipped))
+    return _boxes(kept(entries(content), lambda field, k: _box(_row(field), k, field), skipped))
 
 
 Found = tuple[str, Box, tuple[int, int] | None]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
 
 from groundpose.formats.boxes.box import ANY, Box, Boxes, by_image, kept
 from groundpose.formats.boxes.text import numbered_box
@@ -27,19 +29,24 @@ def coco(content: Content, skipped: Skips) -> dict[str, Boxes]:
     names = _categories(root)
     images = {key: name for key, name, _ in rows}
     sizes = {name: size for _, name, size in rows}
+    counts: Counter[str] = Counter()
 
-    def read(field: Field, number: int) -> tuple[str, Box] | None:
+    def name_of(kind: str | int) -> str:
+        return names.get(str(kind), f"category {kind}") if names else ""
+
+    def read(field: Field, _: int) -> tuple[str, Box] | None:
         crowd, image = field.get("iscrowd"), field.need("image_id")
         if str(image.label()) not in images:
             image.fail("the id of one of the images")
         if crowd is not None and crowd.value:
             return None
-        return images[str(image.label())], _coco_box(field, names, number)
+        name = images[str(image.label())]
+        counts[name] += 1
+        return name, _coco_box(field, name_of, counts[name] - 1)
 
-    # A box's number is that among the boxes of its image.
     pairs = kept(root.need("annotations").items(), read, skipped)
     found = by_image(pairs, sizes)
-    return {name: Boxes(_renumbered(boxes.boxes), size=sizes[name]) for name, boxes in found.items()}
+    return {name: replace(boxes, size=sizes[name]) for name, boxes in found.items()}
 
 
 def _image(field: Field) -> tuple[str, str, tuple[int, int] | None]:
@@ -49,17 +56,6 @@ def _image(field: Field) -> tuple[str, str, tuple[int, int] | None]:
     return key, name, size if size and min(size) > 0 else None
 
 
-class _NoId(int):
-    """The number of a box that has no id of its own."""
-
-
-def _renumbered(boxes: tuple[Box, ...]) -> tuple[Box, ...]:
-    return tuple(
-        Box(box.bbox, k, box.name, box.score, box.truth, box.class_id) if isinstance(box.id, _NoId) else box
-        for k, box in enumerate(boxes)
-    )
-
-
 def _categories(root: Field) -> dict[str, str]:
     given = root.get("categories")
     if given is None:
@@ -67,7 +63,7 @@ def _categories(root: Field) -> dict[str, str]:
     return {str(c.need("id").label()): c.need("name").text() for c in given.items()}
 
 
-def _coco_box(field: Field, names: Mapping[str, str], number: int) -> Box:
+def _coco_box(field: Field, name_of: Callable[[str | int], str], number: int) -> Box:
     left, top, width, height = field.need("bbox").numbers(4)
     label, category, score = (
         field.get("track_id") or field.get("id"),
@@ -77,8 +73,8 @@ def _coco_box(field: Field, names: Mapping[str, str], number: int) -> Box:
     kind = None if category is None else category.label()
     return Box(
         (left, top, left + width, top + height),
-        label.label() if label else _NoId(number),
-        "" if kind is None or not names else names.get(str(kind), f"category {kind}"),
+        label.label() if label else number,
+        "" if kind is None else name_of(kind),
         score.number() if score else math.nan,
         class_id=kind if isinstance(kind, int) else None,
     )
@@ -99,17 +95,21 @@ def coco_results(content: Content, skipped: Skips) -> dict[str, Boxes]:
     numbers = [row.value.get("category_id") for row in rows if isinstance(row.value, dict)]
     start = first_number([int(n) for n in numbers if isinstance(n, (int, float))])
 
-    def read(field: Field, number: int) -> tuple[str, Box]:
-        box = _coco_box(field, {}, number)
-        name = "" if box.class_id is None else numbered_name(box.class_id, start)
-        named = Box(box.bbox, box.id, name, box.score, class_id=box.class_id)
-        return str(field.need("image_id").label()), named
+    def name_of(kind: str | int) -> str:
+        return kind if isinstance(kind, str) else numbered_name(kind, start)
+
+    counts: Counter[str] = Counter()
+
+    def read(field: Field, _: int) -> tuple[str, Box]:
+        image = str(field.need("image_id").label())
+        counts[image] += 1
+        return image, _coco_box(field, name_of, counts[image] - 1)
 
     found = by_image(kept(rows, read, skipped))
     said = (
         ("class numbers: read as detectors count them, from 0 (2 car, 5 bus, 7 truck)",) if start == 0 else ()
     )
-    return {name: Boxes(_renumbered(boxes.boxes), remarks=said) for name, boxes in found.items()}
+    return {name: replace(boxes, remarks=said) for name, boxes in found.items()}
 
 
 def is_nuscenes(content: Content) -> bool:
@@ -123,19 +123,21 @@ def nuscenes(content: Content, skipped: Skips) -> dict[str, Boxes]:
     `vehicle.construction` and its like, whose second part is no vehicle by itself, keep all of it.
     """
 
-    def read(field: Field, number: int) -> tuple[str, Box]:
-        category = field.get("category_name")
+    counts: Counter[str] = Counter()
+
+    def read(field: Field, _: int) -> tuple[str, Box]:
+        image, category = field.need("filename").text(), field.get("category_name")
         token = field.get("instance_token") or field.get("sample_annotation_token")
         left, top, right, bottom = field.need("bbox_corners").numbers(4)
         name = category.text() if category else ""
-        identity = token.label() if token else _NoId(number)
+        identity = token.label() if token else counts[image]
+        counts[image] += 1
         second = name.removeprefix("vehicle.").partition(".")[0]
         known = vehicle_class(second) != NO_CLASS or vehicle_class(name) == NO_CLASS
         bbox = (left, top, right, bottom)
-        return field.need("filename").text(), Box(bbox, identity, second if known else name)
+        return image, Box(bbox, identity, second if known else name)
 
-    found = by_image(kept(content.json[0].items(), read, skipped))
-    return {name: Boxes(_renumbered(boxes.boxes)) for name, boxes in found.items()}
+    return by_image(kept(content.json[0].items(), read, skipped))
 
 
 def is_frames(content: Content) -> bool:

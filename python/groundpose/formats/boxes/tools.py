@@ -27,8 +27,11 @@ def entries(content: Content) -> list[Field]:
 
 
 def first(content: Content) -> Field:
-    """The first of `entries`; an empty one if there is none."""
-    return next(iter(entries(content)), Field(None, content.place))
+    """The first of `entries`, without looking at the others; an empty one if there is none."""
+    root = next(iter(content.json), Field(None, content.place))
+    if len(content.json) == 1 and isinstance(root.value, list):
+        return Field(next(iter(root.value), None), content.place, "[0]")
+    return root
 
 
 def is_label_studio(content: Content) -> bool:
@@ -101,8 +104,11 @@ def around(points: Field) -> Corners:
 
 def is_bdd(content: Content) -> bool:
     """BDD100K's and Scalabel's frames, alone, in a list or in `frames`."""
-    frames = _bdd_frames(content)
-    return bool(frames) and has(frames[0], ("name", "labels"))
+    root = first(content)
+    inner = root.value.get("frames") if isinstance(root.value, dict) else None
+    if isinstance(inner, list) and inner:
+        root = Field(inner[0], content.place, "frames[0]")
+    return has(root, ("name", "labels"))
 
 
 def _bdd_frames(content: Content) -> list[Field]:
