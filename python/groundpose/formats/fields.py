@@ -12,6 +12,9 @@ from typing import Any, NoReturn
 from groundpose._checks import input_error
 from groundpose._core import InputError
 
+_MOST = 2**53
+"""Whole numbers below it are the same as floats."""
+
 
 class Field:
     """A JSON value, the place it comes from (`frames.jsonl:3`) and its path there (`objects[2].bbox`)."""
@@ -106,8 +109,9 @@ class Field:
         """A list of `count` numbers; with `unknown`, null and NaN are allowed and become NaN."""
         if not isinstance(self.value, list) or len(self.value) != count:
             self.fail(f"a list of {count} numbers")
-        if all(type(x) is float and x - x == 0.0 for x in self.value):  # the usual case, quickly
-            return list(self.value)
+        given = self.value
+        if all((type(x) is float and x - x == 0.0) or (type(x) is int and -_MOST < x < _MOST) for x in given):
+            return [float(x) for x in given]  # the usual case, quickly
         return [item.number_or_nan() if unknown else item.number() for item in self.items()]
 
     def array(self, shape: Sequence[int | str]) -> list[Any]:

@@ -191,9 +191,11 @@ def _slashes(name: str) -> str:
 
 def _names(key: str) -> tuple[str, str, str, str, str]:
     """Path, file name, name without its ending, without what tools add, number."""
-    path = PurePosixPath(_slashes(key))
-    plain = _EXPORT.sub("", _UPLOAD.sub("", path.stem))
-    return (str(path), path.name, path.stem, plain, path.stem.lstrip("0") or "0")
+    path = _slashes(key)
+    name = path.rpartition("/")[2]
+    stem = name.rpartition(".")[0] or name
+    plain = _EXPORT.sub("", _UPLOAD.sub("", stem))
+    return path, name, stem, plain, stem.lstrip("0") or "0"
 
 
 def _common_tail(one: tuple[str, ...], other: tuple[str, ...]) -> int:
