@@ -9,6 +9,7 @@ JSON). CAMERA is KITTI, OpenCV, ROS or JSON; leave it out where the boxes' file 
 
 import argparse
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import groundpose as gp
@@ -47,7 +48,7 @@ def main() -> None:
             view = calibrated or found.view
             if view is None:
                 parser.error(f"{given.boxes}: no camera in it; give --calibration")
-            poses = pipeline(image, [box.bbox for box in vehicles], view)
+            poses = pipeline(image, replace(found, boxes=tuple(vehicles)), view)
             for box, pose in zip(vehicles, poses, strict=True):
                 numbers = [*pose.t, pose.covariance[5, 5] ** 0.5, np.degrees(pose.yaw)]
                 table.writerow([image.name, box.id, pose.model.name, pose.status, *np.round(numbers, 3)])

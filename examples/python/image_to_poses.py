@@ -31,7 +31,7 @@ def main() -> None:
     image = np.asarray(Image.open(given.image).convert("RGB"))
 
     pipeline = gp.Pipeline()  # loads the network once
-    poses = pipeline(image, [box.bbox for box in found.boxes], found.view)
+    poses = pipeline(image, found, found.view)
 
     for number, pose in enumerate(poses):
         if not pose.ok:

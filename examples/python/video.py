@@ -44,8 +44,8 @@ def main() -> None:
     calibrated = read_calibration(given.calibration) if given.calibration else None
     pipeline = gp.Pipeline()
     for number, frame in enumerate(frames(given.video)):
-        found = boxes.of(str(number))
-        poses = pipeline(frame, [box.bbox for box in found.boxes], calibrated or found.view)
+        found = boxes.frame(number)
+        poses = pipeline(frame, found, calibrated or found.view)
         if not poses.ok.any():
             print(f"frame {number}: no vehicle")
             continue

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -146,3 +148,12 @@ def finite(argument: str, array: FloatArray) -> FloatArray:
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         raise input_error(argument, "finite numbers", f"{array[index]} at {list(index)}")
     return array
+
+
+def regular_file(path: str | PathLike[str]) -> Path:
+    """A path that is a file, as nothing else ends by itself. Raises OSError (no such file), InputError."""
+    found = Path(path)
+    found.stat()  # OSError in Python's own words
+    if not found.is_file():
+        raise input_error(str(path), "a file", "a folder" if found.is_dir() else "a pipe or a device")
+    return found

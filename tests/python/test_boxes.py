@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+import re
 from pathlib import Path
 
 import groundpose as gp
@@ -79,7 +80,7 @@ def test_images_of_one_name_in_two_folders(tmp_path):
 def test_coco_results(tmp_path):
     rows = [{**row, "id": None} for row in COCO["annotations"][:2]]
     file = read_boxes(write(tmp_path, rows))
-    assert [box.name for box in file.of("000007.png").boxes] == ["car", "category 1"]
+    assert [box.name for box in file.of("000007.png").boxes] == ["car", "person"]
     assert file.of("7.png").boxes[0] == Box(CAR.bbox, 0, "car", 0.875)
 
 
@@ -113,11 +114,7 @@ REFUSED = {
     "prose": ("Dear reader,\n", r"expected 2D boxes \(KITTI.*COCO.*\), got"),
     "a number": ("3\n", "expected 2D boxes"),
     "another object": ({"a": 1}, "expected 2D boxes"),
-    "cut-off KITTI line": (
-        KITTI + "Car 0.00 0 -1.57 100",
-        r"boxes:6: expected a type and 14 numbers, got 'Car",
-    ),
-    "words in KITTI": (KITTI.replace("12 0.1", "far 0.1"), r"boxes:1: expected"),
+    "words in KITTI": (KITTI.replace("12 0.1", "far 0.1").partition("\n")[0], r"boxes:1: expected"),
     "broken JSON": ('{"images": [', "boxes: expected JSON"),
     "a bad later line": (lines({"objects": []}) + "{]\n", "boxes:2: expected JSON"),
     "three sides": ([[1, 2, 3]], r"boxes: \[0\]: expected a list of 4 numbers"),
@@ -139,6 +136,13 @@ def test_boxes_refused(case, tmp_path):
     content, text = REFUSED[case]
     with pytest.raises(gp.InputError, match=text):
         read_boxes(write(tmp_path, content))
+
+
+def test_one_bad_line_costs_itself_alone(tmp_path):
+    file = read_boxes(write(tmp_path, KITTI + "Car 0.00 0 -1.57 100"))
+    assert len(file.of("x.png").boxes) == 3
+    (line,) = file.skipped.lines()
+    assert re.search(r"^1 x entry without a box: .*boxes:6: expected a type and 14 numbers, got 'Car", line)
 
 
 def test_files_that_are_no_text(tmp_path):

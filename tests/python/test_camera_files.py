@@ -190,8 +190,7 @@ def test_boxes_of_nuscenes(tmp_path):
     ]
     rows[1]["bbox_corners"] = [1, 2]
     path.write_text(json.dumps(rows))
-    with pytest.raises(gp.InputError, match=r"\[1\].bbox_corners: expected a list of 4"):
-        read_boxes(path)
+    assert "[1].bbox_corners: expected a list of 4" in read_boxes(path).skipped.lines()[0]
 
 
 ROS_CALIBRATION = """image_width: 640

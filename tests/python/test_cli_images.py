@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import os
 from pathlib import Path
 
 import groundpose as gp
@@ -263,10 +264,10 @@ def lines_of_the_car_alone(model: Path) -> dict:
 def test_an_interruption_keeps_what_is_done(drive, model, undrawn, monkeypatch):
     calls = itertools.count()
 
-    def interrupted(path):
+    def interrupted(path, exif):
         if next(calls) == 2:
             raise KeyboardInterrupt
-        return stand_in_reader(path)
+        return stand_in_reader(path, exif)
 
     from groundpose.cli import images as cli_images
 
@@ -289,7 +290,7 @@ MISTAKES = {
     ),
     "no such calibration": ({"calib": "none.txt"}, "none.txt: No such file"),
     "another file": ({"calib": "boxes.json"}, "boxes.json: expected a calibration"),
-    "16 bits": ({"source": "deep.png"}, "deep.png: expected 8 bits a channel"),
+    "floats": ({"source": "deep.tif"}, "deep.tif: expected whole numbers, got mode F"),
     "image of another size": (
         {"calib": "wide.json"},
         "street.png: image: expected the camera's size (1000, 300)",
@@ -313,7 +314,7 @@ MISTAKES = {
 
 @pytest.mark.parametrize("case", MISTAKES)
 def test_a_mistake_is_one_line_and_status_2(case, street, model):
-    Image.fromarray(np.full((300, 640), 40000, dtype=np.uint16)).save("deep.png")
+    Image.fromarray(np.full((300, 640), 0.5, dtype=np.float32)).save("deep.tif")
     dump("wide.json", {**CALIBRATION, "image_size": [1000, 300]})
     stand_in.write(street / "other.onnx", keypoints='["nose"]')
     picture(street / "many" / "a.png")
@@ -411,4 +412,111 @@ def test_a_camera_of_several_is_named_and_a_field_of_view_needs_no_file(street, 
 def test_a_camera_of_another_image_size_is_remarked_on(street, model):
     dump("large.json", {name: 2.0 * CALIBRATION[name] for name in ("fx", "fy", "cx", "cy")})
     result = estimate(model, "--calib", "large.json", "-o", "o.jsonl", "--no-pictures")
-    assert "far off the middle of a picture" in " ".join(result.output.split())
+    assert "is far off the middle" in " ".join(result.output.split())
+
+
+def test_names_that_are_vehicles_are_said(street, model, undrawn):
+    dump("boxes.txt", kitti(("Kombi", BOX), ("Person", BOX), ("sedan", BOX)))
+    arguments = ("--calib", "camera.json")
+    result = estimate(model, *arguments, boxes="boxes.txt")
+    assert [o["id"] for o in json.loads(result.stdout)["objects"]] == [0, 2]
+    assert result.stderr.splitlines() == ["left out: 1 x Person, no vehicle"]
+    result = estimate(
+        model, *arguments, "--classes", "sedan=none", "--classes", "kombi=none", boxes="boxes.txt"
+    )
+    assert json.loads(result.stdout)["objects"] == []
+    assert "no box is left; --classes NAME=CLASS says which names are vehicles" in result.stderr
+    result = estimate(model, *arguments, "--classes", "Person=car", boxes="boxes.txt")
+    assert len(json.loads(result.stdout)["objects"]) == 3
+    for wrong, text in (
+        ("Kombi", "expected NAME=CLASS, got 'Kombi'"),
+        ("Kombi=auto", "a class of car, van_bus"),
+    ):
+        result = estimate(model, *arguments, "--classes", wrong, boxes="boxes.txt")
+        assert result.exit_code == 2
+        assert text in one_line(result)
+
+
+def test_tracks_and_fractions_are_kept_and_mended(street, model, undrawn):
+    left, top, right, bottom = BOX / [*SIZE, *SIZE]
+    numbers = (2, 0.5 * (left + right), 0.5 * (top + bottom), right - left, bottom - top, 0.5, 17)
+    dump("labels/street.txt", " ".join(map(str, numbers)) + "\n")
+    result = estimate(model, "--calib", "camera.json", boxes="labels/street.txt")
+    (car,) = json.loads(result.stdout)["objects"]
+    assert car["id"] == 17
+    np.testing.assert_allclose(car["bbox"], BOX, atol=1e-6)
+
+
+def test_boxes_in_another_convention_are_refused(street, model):
+    left, top, right, bottom = BOX.tolist()
+    dump(
+        "boxes.json",
+        [[left, top, right - left, bottom - top], [right, bottom, 100, 80], [right, 150, 100, 80]],
+    )
+    result = estimate(model, "--calib", "camera.json")
+    assert result.exit_code == 2
+    expected = "boxes.json: expected left, top, right, bottom pixels of 640 x 300, got boxes that look like"
+    assert f"{expected} left, top, width, height" in one_line(result)
+
+
+def test_remarks_are_said_once_and_are_in_the_lines(street, model, undrawn):
+    for name in ("a", "b", "c"):
+        picture(street / "many" / f"{name}.png")
+        dump(f"boxes/{name}.json", [CAR["bbox"], [100, 50, 90, 70]])
+    dump("camera.json", {**CALIBRATION, "cx": 20.0})
+    result = estimate(model, "--calib", "camera.json", "-o", "out", source="many", boxes="boxes")
+    assert result.exit_code == 0
+    kinds = ["principal point", "boxes with right < left or bottom < top"]
+    for line in lines("out/poses.jsonl"):
+        assert [remark.partition(":")[0] for remark in line["remarks"]][:2] == kinds
+    for kind in kinds:
+        (said,) = (line for line in result.stderr.splitlines() if kind in line)
+        assert said.startswith(f"many/a.png: {kind}: ")
+        assert said.endswith("(and 2 more images)")
+
+
+def test_remarks_on_the_input_stay_beside_those_on_the_estimated_camera(street, model, undrawn):
+    dump("camera.json", {**CALIBRATION, "cx": 20.0})
+    result = estimate(model, "--calib", "camera.json", "--height", "1.65", "-o", "out")
+    assert result.exit_code == 0, result.output
+    (line,) = lines("out/poses.jsonl")
+    assert "camera_height" in line
+    assert line["remarks"][0].startswith("principal point: ")
+
+
+def test_bad_entries_are_counted_and_named(street, model):
+    content = FORMATS["COCO"] | {
+        "annotations": [*FORMATS["COCO"]["annotations"], {"image_id": 3, "bbox": []}]
+    }
+    dump("boxes.any", content)
+    result = estimate(model, "--calib", "camera.json", boxes="boxes.any")
+    assert (result.exit_code, len(json.loads(result.stdout)["objects"])) == (0, 1)
+    assert result.stderr.startswith(
+        "left out: 1 x entry without a box: boxes.any: annotations[1].bbox: expected a list"
+    )
+
+
+def test_pictures_are_turned_unless_it_is_said(street, model):
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.open("street.png").transpose(Image.Transpose.ROTATE_90).save("turned.png", exif=exif.tobytes())
+    dump("wide.json", {**CALIBRATION, "image_size": list(SIZE)})
+    arguments = ("--calib", "wide.json")
+    assert estimate(model, *arguments, source="turned.png").exit_code == 0
+    result = estimate(model, *arguments, "--no-exif", source="turned.png")
+    assert result.exit_code == 2
+    assert "expected the camera's size (640, 300), got (300, 640)" in one_line(result)
+
+
+def test_a_pipe_that_is_called_picture_does_not_hang(street, model):
+    os.mkfifo("pipe.png")
+    result = estimate(model, "--calib", "camera.json", source="pipe.png")
+    assert result.exit_code == 2
+    assert "pipe.png: expected a file, got a pipe or a device" in one_line(result)
+
+
+def test_frames_of_a_video_as_ultralytics_names_them(street):
+    for number in (1, 3):
+        dump(f"labels/drive_{number}.txt", "2 0.5 0.5 0.1 0.1\n")
+    named = [cli_inputs.frame_companion(Path("labels"), "in/drive.mp4", k) for k in range(3)]
+    assert [path and path.name for path in named] == ["drive_1.txt", None, "drive_3.txt"]

@@ -21,6 +21,7 @@ from groundpose.formats.conversions import (
 from groundpose.formats.detections import bboxes_of, boxes_of
 from groundpose.formats.frames import Frame, FrameObject
 from groundpose.formats.kitti.labels import KittiLabel, format_labels
+from groundpose.formats.skips import Skips
 
 BATCH = make_batch(6, seed=4)
 
@@ -139,16 +140,16 @@ COCO = [
 ]
 NAMED = {
     "supervision": supervision(),
+    "supervision without names": supervision(None),
+    "torchvision": {"boxes": Tensor(CORNERS), "scores": Tensor(SCORES), "labels": Tensor([3, 8])},
+    "classes in a sixth column": np.column_stack([CORNERS, SCORES, [2, 7]]).tolist(),
     "ultralytics": ultralytics(),
     "ultralytics, a list of one": [ultralytics()],
     "COCO": COCO,
     "KITTI": KITTI,
 }
 PLAIN = {
-    "supervision without names": supervision(None),
-    "torchvision": {"boxes": Tensor(CORNERS), "scores": Tensor(SCORES), "labels": Tensor([3, 8])},
     "scores in a fifth column": np.column_stack([CORNERS, SCORES]),
-    "classes in a sixth column": np.column_stack([CORNERS, SCORES, [2, 7]]).tolist(),
     "a tensor": Tensor(np.column_stack([CORNERS, SCORES])),
 }
 
@@ -160,6 +161,18 @@ def test_boxes_are_taken_as_a_detector_gives_them(kind):
     np.testing.assert_allclose([box.score for box in found], SCORES)
     assert [box.name for box in found] == (["car", "truck"] if kind in NAMED else ["", ""])
     np.testing.assert_array_equal(bboxes_of({**NAMED, **PLAIN}[kind]), CORNERS)
+
+
+@pytest.mark.parametrize("kind", ["supervision", "ultralytics", "COCO"])
+def test_tracks_are_the_ids(kind):
+    given = {"supervision": supervision(), "ultralytics": ultralytics(), "COCO": copy.deepcopy(COCO)}[kind]
+    if kind == "supervision":
+        given.tracker_id = np.array([17, 18])
+    elif kind == "ultralytics":
+        given.boxes.id = Tensor([17.0, 18.0])
+    else:
+        given = [row | {"track_id": 17 + k} for k, row in enumerate(given)]
+    assert [box.id for box in boxes_of(given).boxes] == [17, 18]
 
 
 def test_boxes_without_scores_and_of_files(tmp_path):
@@ -297,6 +310,20 @@ def test_bad_coco_files_are_refused_by_field(tmp_path, damage, text):
     path.write_text(json.dumps(content))
     with pytest.raises(gp.InputError, match=text):
         list(read_keypoints(path, VIEW, {"car": NAMED_MODEL}))
+
+
+def test_one_bad_annotation_of_keypoints_costs_itself_alone(tmp_path):
+    content = json.loads(format_keypoints(coco_frames(False)))
+    whole = len(content["annotations"])
+    content["annotations"][0]["keypoints"] = []  # a track without a shape here
+    content["annotations"][1]["image_id"] = 77
+    content["annotations"][2]["image_id"] = str(content["annotations"][2]["image_id"])
+    path = tmp_path / "coco.json"
+    path.write_text(json.dumps(content))
+    skipped = Skips()
+    frames = list(read_keypoints(path, VIEW, {"car": NAMED_MODEL}, skipped))
+    assert sum(len(frame.objects) for frame in frames) == whole - 2
+    assert "annotations[1].image_id: expected the id of an image, got 77" in skipped.lines()[0]
 
 
 def test_a_model_without_names_is_refused(tmp_path):

@@ -11,9 +11,6 @@ from groundpose.cli.inputs import companion
 from groundpose.formats.calibrations import read_calibration
 from groundpose.types import Camera, View
 
-_FAR_OFF = 0.25
-"""A principal point further from the middle, as a fraction of the width, is remarked on."""
-
 
 @dataclass
 class CameraChoice:
@@ -60,14 +57,3 @@ class CameraChoice:
             if self.calibration is None
             else read_calibration(companion(self.calibration, image), self.name)
         )
-
-
-def remark_on(camera: Camera, size: tuple[int, int]) -> str | None:
-    """What to say of a camera whose principal point is far off the middle of the picture; None: it is not."""
-    off = max(abs(camera.cx - 0.5 * (size[0] - 1)), abs(camera.cy - 0.5 * (size[1] - 1))) / size[0]
-    if off <= _FAR_OFF:
-        return None
-    return (
-        f"principal point {camera.cx:g}, {camera.cy:g} far off the middle of a picture of "
-        f"{size[0]} x {size[1]}: is the camera that of another image size?"
-    )

@@ -26,6 +26,7 @@ from groundpose.frame import FramePriors
 from groundpose.options import Options
 from groundpose.poses import PoseBatch
 from groundpose.sizes import REGIONS, SizePrior
+from groundpose.vehicles.words import class_names
 
 
 @takes_options
@@ -40,8 +41,24 @@ def estimate(
     ],
     boxes: Annotated[
         Path | None,
-        typer.Option(help="2D boxes: KITTI, COCO, nuScenes or JSON; of a folder one file or a folder."),
+        typer.Option(
+            help="2D boxes: KITTI, COCO, YOLO, VOC, CVAT, MOT, CSV, JSON ...; of a folder one file or "
+            "a folder."
+        ),
     ] = None,
+    classes: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What a name (or number) of the boxes' classes means: car, van_bus, pickup, box_truck, "
+            "vehicle or none; beside the usual words. May be given several times.",
+            metavar="NAME=CLASS",
+            show_default=False,
+        ),
+    ] = None,
+    exif: Annotated[
+        bool,
+        typer.Option(help="Whether pictures are turned as their EXIF data asks.", show_default=False),
+    ] = True,
     calib: Annotated[
         Path | None,
         typer.Option(
@@ -165,9 +182,12 @@ def estimate(
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
         mounting = Mounting(pitch, roll, height, sigma, frame, learned)
         job = _Job(options, threads, mounting, out, form, draw)
+        meant = _meant(classes or [])
         if boxes is not None or is_image(source):
             seen_by = CameraChoice(calib, camera, fov_deg)
-            status = job.images(source, boxes, seen_by, network, vehicle_threshold, min_score, pictures)
+            status = job.images(
+                source, boxes, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
+            )
         else:
             for_images = {
                 "calib": calib,
@@ -177,6 +197,8 @@ def estimate(
                 "min-score": min_score,
                 "vehicle-threshold": vehicle_threshold,
                 "no-pictures": None if pictures else True,
+                "classes": classes or None,
+                "no-exif": None if exif else True,
             }
             status = job.frames(source, for_images)
     raise typer.Exit(status)
@@ -187,6 +209,15 @@ def _frame(height: float | None, region: str | None, learn_camera: Path | None) 
     if height is None and region is None and learn_camera is None:
         return None
     return FramePriors(size=SizePrior.region(region or "world"))
+
+
+def _meant(classes: list[str]) -> dict[str, str]:
+    """`NAME=CLASS` as names and classes."""
+    for text in classes:
+        if "=" not in text:
+            refuse(f"--classes: expected NAME=CLASS, got {text!r}")
+    pairs = (text.rpartition("=") for text in classes)
+    return class_names({name: meant for name, _, meant in pairs}, "--classes")
 
 
 @dataclass(frozen=True)
@@ -209,6 +240,8 @@ class _Job:
         vehicle_threshold: float | None,
         min_score: float | None,
         pictures: bool,
+        classes: Mapping[str, str],
+        exif: bool,
     ) -> int:
         """Estimate images; returns the exit status."""
         from groundpose.cli.images import STYLE, ImageWork, destinations
@@ -217,11 +250,14 @@ class _Job:
         if boxes is None:
             refuse(f"{source}: is an image or a folder; give the 2D boxes too, --boxes FILE")
         pipeline = Pipeline(
-            network, options=self.options, threads=self.threads, vehicle_threshold=vehicle_threshold
+            network,
+            options=self.options,
+            threads=self.threads,
+            vehicle_threshold=vehicle_threshold,
+            classes=classes,
         )
-        work = ImageWork(
-            source, boxes, camera, self.mounting, -math.inf if min_score is None else min_score, pipeline
-        )
+        least = -math.inf if min_score is None else min_score
+        work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif)
         lines, picture = destinations(self.out, self.form, work.several)
         for given in (source, boxes, camera.calibration):
             if lines is not None and given is not None and lines.exists() and lines.samefile(given):

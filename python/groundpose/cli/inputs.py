@@ -14,10 +14,13 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from groundpose._checks import input_error
+from groundpose._checks import input_error, regular_file
 
-PICTURES = frozenset((".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"))
-VIDEOS = frozenset((".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg"))
+_ENDINGS = (
+    "png apng jpg jpeg jpe jfif jp2 j2k bmp dib gif tif tiff webp avif ppm pgm pbm pnm tga pcx sgi",
+    "mp4 avi mov mkv webm m4v mpg mpeg",
+)
+PICTURES, VIDEOS = (frozenset(f".{ending}" for ending in endings.split()) for endings in _ENDINGS)
 """Endings of names; other files of a folder are passed over."""
 
 Image = NDArray[np.uint8]
@@ -49,7 +52,7 @@ def pictures(path: Path) -> list[tuple[str, Path]]:
         OSError: no such file. InputError: a folder without pictures.
     """
     if not path.is_dir():
-        path.open("rb").close()  # OSError in Python's own words
+        regular_file(path).open("rb").close()  # OSError in Python's own words
         return [(path.stem, path)]
     found = sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURES and not p.name.startswith("."))
     if not found:
@@ -70,13 +73,27 @@ def companion(folder: Path, name: str) -> Path:
     return found[0]
 
 
+def frame_companion(folder: Path, video_name: str, number: int) -> Path | None:
+    """The file of a video's frame (from 0) in a folder of boxes: `000000.*`, or `VIDEO_1.txt` as ultralytics
+    writes.
+
+    None: a frame without objects, for which ultralytics writes no file. Raises InputError when there is none
+        of any.
+    """
+    theirs = f"{Path(video_name).stem}_"
+    if any(folder.glob(f"{escape(theirs)}*.txt")):
+        path = folder / f"{theirs}{number + 1}.txt"
+        return path if path.is_file() else None
+    return companion(folder, f"{number:06d}")
+
+
 def video(path: Path) -> Iterator[Image]:
     """The frames of a video (H, W, 3), RGB, read by the first package that is installed.
 
     Raises:
         OSError: no such file. InputError: no video, or no package that reads videos.
     """
-    path.open("rb").close()
+    regular_file(path).open("rb").close()
     for package, read in _VIDEO_READERS.items():
         if find_spec(package) is not None:
             frames = read(path)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import count
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,11 @@ from typing import Any
 import numpy as np
 
 from groundpose._checks import FloatArray, input_error
+from groundpose.formats.boxes.box import kept
 from groundpose.formats.content import read_content
 from groundpose.formats.fields import Field
 from groundpose.formats.frames import Frame, FrameObject
+from groundpose.formats.skips import Skips
 from groundpose.shape import ShapeModel
 from groundpose.types import View
 
@@ -26,7 +29,9 @@ NOT_LABELLED = 0
 """COCO's visibility of a keypoint that is not there; 1 hidden, 2 visible."""
 
 
-def read_keypoints(path: Path_, view: View, models: Mapping[str, ShapeModel]) -> Iterator[Frame]:
+def read_keypoints(
+    path: Path_, view: View, models: Mapping[str, ShapeModel], skipped: Skips | None = None
+) -> Iterator[Frame]:
     """The images of a COCO keypoint file as frames, in the order of its `images`.
 
     Args:
@@ -35,6 +40,8 @@ def read_keypoints(path: Path_, view: View, models: Mapping[str, ShapeModel]) ->
         view: of all images.
         models: by the name of the category; annotations of other categories are left out. A model's
             `keypoint_names` must be there.
+        skipped: takes annotations that cannot be used, and the others are read; None: the first one is an
+            error. One with `keypoints: []` (a track in a frame without its shape) is nothing.
 
     Raises:
         OSError, InputError naming file and field.
@@ -46,21 +53,28 @@ def read_keypoints(path: Path_, view: View, models: Mapping[str, ShapeModel]) ->
     for name, model in models.items():
         if not model.keypoint_names:
             raise input_error(f"models[{name!r}]", "a model with keypoint_names", "none")
-    categories = {c.need("id").label(): c for c in root.need("categories").items()}
+    categories = {str(c.need("id").label()): c for c in root.need("categories").items()}
     orders = {key: _order(c, models) for key, c in categories.items() if c.need("name").text() in models}
     images = [(f.need("id").label(), f.need("file_name").text()) for f in root.need("images").items()]
-    found: dict[str | int, list[FrameObject]] = {image: [] for image, _ in images}
-    for field in root.need("annotations").items():
-        key, crowd = field.need("category_id").label(), field.get("iscrowd")
+    found: dict[str, list[FrameObject]] = {str(image): [] for image, _ in images}
+
+    def read(field: Field, _: int) -> tuple[str, FrameObject] | None:
+        key, crowd = str(field.need("category_id").label()), field.get("iscrowd")
         if key not in categories:
             field.need("category_id").fail("the id of a category")
-        if key in orders and (crowd is None or not crowd.value):
-            owner = field.need("image_id")
-            if owner.label() not in found:
-                owner.fail("the id of an image")
-            found[owner.label()].append(_object(field, categories[key].need("name").text(), orders[key]))
+        if key not in orders or (crowd is not None and crowd.value) or field.need("keypoints").value == []:
+            return None
+        owner = field.need("image_id")
+        if str(owner.label()) not in found:
+            owner.fail("the id of an image")
+        return str(owner.label()), _object(field, categories[key].need("name").text(), orders[key])
+
+    rows = root.need("annotations").items()
+    read_rows = map(read, rows, count()) if skipped is None else kept(rows, read, skipped)
+    for owner, item in filter(None, read_rows):
+        found[owner].append(item)
     for image, name in images:
-        objects = tuple(found[image])
+        objects = tuple(found[str(image)])
         place = Path(path).parent / name
         each = tuple(models[o.model] for o in objects)
         yield Frame(image, f"{path}: {name}", view, place, objects, each)

@@ -19,19 +19,24 @@ import numpy as np
 from groundpose._checks import FloatArray, float_array, input_error, shaped, type_error
 from groundpose.formats.boxes import Box, Boxes, read_boxes
 from groundpose.formats.kitti.labels import DONT_CARE, KittiLabel
+from groundpose.vehicles.words import first_number, numbered_name
 
 
-def bboxes_of(detections: Any, image: str = "") -> FloatArray:
+def bboxes_of(detections: Any, image: str = "", size: tuple[int, int] | None = None) -> FloatArray:
     """`left, top, right, bottom` pixels (N, 4) of what a detector gave; see `boxes_of`."""
-    return np.array([box.bbox for box in boxes_of(detections, image).boxes], dtype=float).reshape(-1, 4)
+    return np.array([box.bbox for box in boxes_of(detections, image, size).boxes], dtype=float).reshape(-1, 4)
 
 
-def boxes_of(detections: Any, image: str = "") -> Boxes:
-    """Boxes with scores and class names, as far as the detector gave any.
+def boxes_of(detections: Any, image: str = "", size: tuple[int, int] | None = None) -> Boxes:
+    """Boxes with scores, class names and tracks, as far as the detector gave any.
+
+    Classes that are numbers without names are those of COCO, as detectors (from 0) or torchvision (from 1)
+    count.
 
     Args:
         detections: what a detector gave for one image.
         image: its name, for a file with the boxes of several.
+        size: its (width, height), for a file with fractions of the image or with boxes of another size.
 
     Raises:
         TypeError: none of the kinds above. InputError: of that kind but not as it should be. OSError: no
@@ -40,7 +45,12 @@ def boxes_of(detections: Any, image: str = "") -> Boxes:
     if isinstance(detections, Boxes):
         return detections
     if isinstance(detections, (str, PathLike)):
-        return read_boxes(Path(detections)).of(image)
+        found = read_boxes(Path(detections)).of(image)
+        if size is not None:
+            return found.in_pixels(*size, str(detections))
+        if found.fractions:
+            raise input_error("size", f"(width, height) of the image, for {detections}", "none")
+        return found
     for suits, read in _KINDS:
         if suits(detections):
             return Boxes(tuple(read(detections)))
@@ -49,25 +59,29 @@ def boxes_of(detections: Any, image: str = "") -> Boxes:
 
 def _supervision(value: Any) -> list[Box]:
     names = (getattr(value, "data", None) or {}).get("class_name")
-    return _boxes(value.xyxy, value.confidence, value.class_id if names is None else names)
+    numbers = getattr(value, "class_id", None)
+    return _boxes(value.xyxy, value.confidence, names, numbers, getattr(value, "tracker_id", None))
 
 
 def _ultralytics(value: Any) -> list[Box]:
     result = value[0] if isinstance(value, (list, tuple)) else value
     classes = np.atleast_1d(_plain(result.boxes.cls)).astype(int)
     names = [str(result.names[k]) for k in classes.tolist()]
-    return _boxes(result.boxes.xyxy, result.boxes.conf, names)
+    tracks = getattr(result.boxes, "id", None)
+    return _boxes(result.boxes.xyxy, result.boxes.conf, names, classes, tracks)
 
 
 def _torchvision(value: Any) -> list[Box]:
-    return _boxes(value["boxes"], value.get("scores"), value.get("labels"))
+    return _boxes(value["boxes"], value.get("scores"), None, value.get("labels"), first=1)
 
 
 def _coco(value: Sequence[Mapping[str, Any]]) -> list[Box]:
     given = [shaped(f"detections[{k}]['bbox']", row["bbox"], (4,)).tolist() for k, row in enumerate(value)]
     corners = [(x, y, x + width, y + height) for x, y, width, height in given]
     scores = [row.get("score", math.nan) for row in value]
-    return _boxes(np.array(corners), scores, [row.get("category_name", "") for row in value])
+    names, numbers = ([row.get(name) for row in value] for name in ("category_name", "category_id"))
+    first = first_number([n for n in numbers if isinstance(n, int)])
+    return _boxes(np.array(corners), scores, names, numbers, [row.get("track_id") for row in value], first)
 
 
 def _kitti(value: Sequence[KittiLabel]) -> list[Box]:
@@ -82,23 +96,36 @@ def _array(value: Any) -> list[Box]:
         return []
     if given.ndim != 2 or given.shape[1] not in (4, 5, 6):
         raise input_error("detections", "shape (N, 4), (N, 5) or (N, 6)", f"shape {given.shape}")
-    return _boxes(given[:, :4], given[:, 4] if given.shape[1] > 4 else None, None)
+    scores, classes = (given[:, k] if given.shape[1] > k else None for k in (4, 5))
+    return _boxes(given[:, :4], scores, None, classes)
 
 
-def _boxes(corners: Any, scores: Any, names: Any) -> list[Box]:
-    """Boxes of arrays; names that are numbers say nothing."""
+def _boxes(
+    corners: Any, scores: Any, names: Any = None, numbers: Any = None, tracks: Any = None, first: int = 0
+) -> list[Box]:
+    """Boxes of columns that may be missing, as a whole or in a row; `first`: see `numbered_name`."""
     rows = np.asarray(_plain(corners), dtype=float).reshape(-1, 4)
-    values = np.full(len(rows), np.nan) if scores is None else np.asarray(_plain(scores), dtype=float)
-    words = [""] * len(rows) if names is None else list(_plain(names))
-    if len(values) != len(rows) or len(words) != len(rows):
-        counts = f"{len(values)} scores, {len(words)} classes"
+    columns = [_column(given, len(rows)) for given in (scores, names, numbers, tracks)]
+    if any(len(column) != len(rows) for column in columns):
+        counts = f"{len(columns[0])} scores, {max(len(columns[1]), len(columns[2]))} classes"
         raise input_error("detections", f"as many scores and classes as boxes ({len(rows)})", counts)
-    return [
-        Box((left, top, right, bottom), k, word if isinstance(word, str) else "", score)
-        for k, ((left, top, right, bottom), score, word) in enumerate(
-            zip(rows.tolist(), values.tolist(), words, strict=True)
+    found = []
+    for k, (bbox, score, word, number, track) in enumerate(zip(rows.tolist(), *columns, strict=True)):
+        kind = int(number) if isinstance(number, (int, float)) and math.isfinite(number) else None
+        name = str(word) if isinstance(word, str) else "" if kind is None else numbered_name(kind, first)
+        label = k if track is None else int(track) if isinstance(track, float) else track
+        found.append(
+            Box(tuple(bbox), label, name, math.nan if score is None else float(score), class_id=kind)
         )
-    ]
+    return found
+
+
+def _column(given: Any, count: int) -> list[Any]:
+    """A column as a list; None for each row where it is missing."""
+    plain = _plain(given)
+    if plain is None:
+        return [None] * count
+    return plain.tolist() if isinstance(plain, np.ndarray) else list(plain)
 
 
 def _plain(value: Any) -> Any:

@@ -12,6 +12,9 @@ from typing import Any, NoReturn
 from groundpose._checks import input_error
 from groundpose._core import InputError
 
+_MOST = 2**53
+"""Whole numbers below it are the same as floats."""
+
 
 class Field:
     """A JSON value, the place it comes from (`frames.jsonl:3`) and its path there (`objects[2].bbox`)."""
@@ -56,7 +59,9 @@ class Field:
                 self.child(None, f".{key}").fail(expected, "an unknown field")
 
     def get(self, key: str) -> Field | None:
-        """A member, or None when it is absent or null."""
+        """A member, or None when it is absent or null. Raises InputError where there are no members."""
+        if not isinstance(self.value, dict):
+            self.fail("an object {...}")
         value = self.value.get(key)
         return None if value is None else self.child(value, f".{key}")
 
@@ -81,9 +86,11 @@ class Field:
         return self.value if isinstance(self.value, str) else self.fail("a string")
 
     def label(self) -> str | int:
-        """A string or a whole number."""
+        """A string or a whole number (3.0 is one: tools that work with floats write it)."""
         if isinstance(self.value, (str, int)) and not isinstance(self.value, bool):
             return self.value
+        if isinstance(self.value, float) and self.value.is_integer():
+            return int(self.value)
         self.fail("a string or a whole number")
 
     def number(self) -> float:
@@ -109,8 +116,9 @@ class Field:
         counts = (count,) if isinstance(count, int) else count
         if not isinstance(self.value, list) or len(self.value) not in counts:
             self.fail(f"a list of {' or '.join(map(str, counts))} numbers")
-        if all(type(x) is float and x - x == 0.0 for x in self.value):  # the usual case, quickly
-            return list(self.value)
+        given = self.value
+        if all((type(x) is float and x - x == 0.0) or (type(x) is int and -_MOST < x < _MOST) for x in given):
+            return [float(x) for x in given]  # the usual case, quickly
         return [item.number_or_nan() if unknown else item.number() for item in self.items()]
 
     def array(self, shape: Sequence[int | str]) -> list[Any]:

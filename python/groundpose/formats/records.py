@@ -25,9 +25,12 @@ def pose_record(
 
     The members of an object are the fields of `Pose` of the same names; NaN is null. `more` are further
     members of the line and `each` of its objects, written before the pose. A view that was estimated from
-    the frame adds its numbers to the line, sizes and positions to the objects.
+    the frame adds its numbers and remarks to the line, sizes and positions to the objects.
     """
-    more = {**(more or {}), **view_members(poses.view)}
+    given, seen = more or {}, view_members(poses.view)
+    more = {**given, **seen}
+    if "remarks" in given and "remarks" in seen:
+        more["remarks"] = [*given["remarks"], *seen["remarks"]]
     each = [{**a, **b} for a, b in zip(each or [{}] * len(poses), _on_road(poses), strict=True)]
     objects = [
         {

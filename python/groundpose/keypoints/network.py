@@ -72,6 +72,7 @@ class Network:
         if name in BUNDLED and not self.path.exists():
             raise FileNotFoundError(2, _NOT_BUNDLED, str(self.path))
         self._session = _session(self.path, threads)
+        self._threads = threads
         self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
         self.version = self.metadata.get(FORMAT, "")
         if self.version not in OUTPUTS:
@@ -90,6 +91,10 @@ class Network:
         self.calibration = Calibration.of(json.loads(self.metadata["score_calibration"]))
         self.certainty = Certainty.of(json.loads(self.metadata.get(CERTAINTY, "{}")))
         self.vehicle_threshold = float(self.metadata.get("vehicle_threshold", VEHICLE_THRESHOLD))
+
+    def __reduce__(self) -> tuple[type[Network], tuple[str, int | None]]:
+        """Pickled as the place of its file, which another process loads again."""
+        return Network, (str(self.path.resolve()), self._threads)
 
     def __repr__(self) -> str:
         """File and size of a crop."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 
@@ -13,19 +13,22 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray, input_error, integer, number, shaped, type_error
 from groundpose.camera_state import CameraState
 from groundpose.estimate import estimate_poses
-from groundpose.formats.detections import bboxes_of
+from groundpose.formats.boxes import Boxes
+from groundpose.formats.detections import boxes_of
 from groundpose.frame import FramePriors
 from groundpose.keypoints.codec import ByteArray, usable
 from groundpose.keypoints.decode import Detections
 from groundpose.keypoints.image import Picture, as_rgb
 from groundpose.keypoints.network import Network
 from groundpose.options import Options
+from groundpose.plausibility import answer_remarks, box_remarks, camera_remarks
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import View
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import keypoint_indices
 from groundpose.vehicles.shape_models import shape_model
+from groundpose.vehicles.words import class_names
 
 NOT_A_VEHICLE = "not_a_vehicle"
 """Status of an object in whose box the network sees no vehicle; `_core.STATUS` has the solver's."""
@@ -43,12 +46,14 @@ class VehiclePoses(PoseBatch):
             vehicle; NaN for an unusable box.
         vehicle_probability: (N,) that there is a vehicle in the box; where it is below
             `Pipeline.vehicle_threshold` the status is "not_a_vehicle". 1 from a network of format version
-            "1", NaN for an unusable box.
+            "1", NaN for an unusable box and for one whose class is no vehicle's.
         viewing_angle_probabilities: (N, 16) of the angle from which the network sees the vehicle: KITTI's
             alpha, `rotation_y - atan2(x, z)`, bin b centred on b * 22.5 degrees. They tell a pose from its
             reading turned round. NaN from a network of format version "1" and for an unusable box.
         keypoint_scores: (N, P) probability of each keypoint to be right, NaN beyond an object's own.
         seconds: what the steps took: "crop", "network", "decode", "solve".
+        ids: (N,) str or int of the objects: of their tracks or boxes where these have any, else 0 to N - 1.
+        input_remarks: what looks wrong in the camera and in the boxes, each as "kind: details".
     """
 
     classes: NDArray[np.str_]
@@ -57,6 +62,8 @@ class VehiclePoses(PoseBatch):
     viewing_angle_probabilities: FloatArray
     keypoint_scores: FloatArray
     seconds: Mapping[str, float]
+    ids: NDArray[np.object_]
+    input_remarks: tuple[str, ...]
 
     def __repr__(self) -> str:
         """How many of what have an answer."""
@@ -119,6 +126,7 @@ class Pipeline:
         threads: int | None = None,
         batch_size: int = 16,
         vehicle_threshold: float | None = None,
+        classes: Mapping[str, str] | None = None,
     ) -> None:
         """Load everything once.
 
@@ -133,6 +141,8 @@ class Pipeline:
             vehicle_threshold: objects whose probability to be a vehicle is lower get the status
                 "not_a_vehicle" and no pose; 0 to 1, None: the network's own, 0: every box is taken to hold
                 a vehicle.
+            classes: names (or numbers, as text) of a detector's classes that are vehicles, `{"Kombi":
+                "car"}`, or none, `{"bus": "none"}`, beside the usual words (`groundpose.vehicles.words`).
 
         Raises:
             OSError: no such file. InputError: a file that is not ours, an unknown class, a model with
@@ -147,6 +157,7 @@ class Pipeline:
             raise input_error("batch_size", "1 or more", batch_size)
         self.batch_size = batch_size
         self.vehicle_threshold = _threshold(vehicle_threshold, self.network)
+        self.classes = class_names(classes or {})
         self.models = {class_name: shape_model(class_name) for class_name in CLASSES} | dict(models or {})
         for class_name, model in self.models.items():
             if class_name not in CLASSES:
@@ -169,9 +180,10 @@ class Pipeline:
         Args:
             image: RGB; see `groundpose.keypoints.image.as_rgb` for what is taken.
             bboxes: (N, 4) left, top, right, bottom pixels, around whole vehicles as far as they are in the
-                image, N may be 0; or the boxes of a detector as it gives them (whatever class it says), see
-                `groundpose.formats.detections`. A box without area, outside the image or not finite, or
-                without a vehicle gives an object without an answer, and nothing of the others is lost.
+                image, N may be 0; or the boxes of a detector as it gives them, see
+                `groundpose.formats.detections`; one of another class than a vehicle's is "not_a_vehicle". A
+                box without area, outside the image or not finite, or without a vehicle gives an object
+                without an answer, and nothing of the others is lost.
             view: camera and tilt. A camera without `image_size` is taken to have the image's.
             frame_tilt_sigma, frame: see `estimate_poses`.
 
@@ -186,8 +198,11 @@ class Pipeline:
         if view.camera.image_size not in (None, size):
             raise input_error("image", f"the camera's size {view.camera.image_size}", f"{size}")
         view = replace(view, camera=replace(view.camera, image_size=size))
-        boxes = _boxes(bboxes)
-        found = self.detect(pixels, boxes)
+        given = _boxes(bboxes, size)
+        boxes = np.array([box.bbox for box in given.boxes], dtype=float).reshape(-1, 4)
+        others = np.array([not box.means_vehicle(self.classes) for box in given.boxes], dtype=bool)
+        found = self.detect(pixels, np.where(others[:, None], np.nan, boxes))
+        found.no_vehicle[others] = True
         models = [self.models[class_name or CLASSES[0]] for class_name in found.classes]
         watch = _Stopwatch(found.seconds)
         poses = estimate_poses(
@@ -210,6 +225,13 @@ class Pipeline:
             viewing_angle_probabilities=found.viewing_angle_probabilities,
             keypoint_scores=scores,
             seconds=found.seconds,
+            ids=_objects([box.id for box in given.boxes]),
+            input_remarks=(
+                *given.remarks,
+                *camera_remarks(view),
+                *box_remarks(boxes[~others], size),
+                *answer_remarks(status[~others]),
+            ),
         )
 
     def detect(self, image: ByteArray, bboxes: FloatArray) -> Found:
@@ -269,6 +291,13 @@ def _of_boxes(count: int, good: NDArray[np.intp], said: FloatArray) -> FloatArra
     return rows
 
 
+def _objects(values: Sequence[object]) -> NDArray[np.object_]:
+    """(N,) of whatever they are."""
+    made = np.empty(len(values), dtype=object)
+    made[:] = values
+    return made
+
+
 class _Stopwatch:
     """Writes what each step took."""
 
@@ -280,12 +309,9 @@ class _Stopwatch:
         self._seconds[name], self._last = now - self._last, now
 
 
-def _boxes(value: object) -> FloatArray:
-    """Boxes (N, 4) of an array, of rows of numbers, or as a detector gives them."""
+def _boxes(value: object, size: tuple[int, int]) -> Boxes:
+    """Boxes of an array, of rows of numbers, or as a detector gives them."""
     rows = isinstance(value, (list, tuple)) and all(isinstance(r, (list, tuple, np.ndarray)) for r in value)
-    if not isinstance(value, np.ndarray) and not rows:
-        return bboxes_of(value)
-    if isinstance(value, (list, tuple)) and not value:
-        return np.empty((0, 4))
-    boxes = shaped("bboxes", value, ("N", 4), (0,))
-    return boxes if boxes.ndim == 2 else np.empty((0, 4))
+    if isinstance(value, np.ndarray) or rows:
+        shaped("bboxes", value, ("N", 4), ("N", 5), ("N", 6), (0,))
+    return boxes_of(value, size=size).in_pixels(*size)

@@ -32,6 +32,8 @@ CLASS_OF = {type_: next(c.name for c in TABLE if c.kitti_type == type_) for type
 """Our class of each of KITTI's types that is one of ours."""
 _NUMBERS = 14
 _TRACKING_COLUMNS = 2
+_SHOWN = 60
+"""Characters of a bad line in an error."""
 T = TypeVar("T")
 
 
@@ -116,7 +118,7 @@ def read_tracking(path: str | PathLike[str], skipped: Skips | None = None) -> di
 
 
 def _each(path: str | PathLike[str], skipped: Skips | None, parse: Callable[[str], T]) -> Iterator[T]:
-    text = Path(path).read_text(encoding="utf-8", errors="surrogateescape")
+    text = Path(path).read_text(encoding="utf-8-sig", errors="surrogateescape")
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip():
             continue
@@ -124,8 +126,8 @@ def _each(path: str | PathLike[str], skipped: Skips | None, parse: Callable[[str
             yield parse(line)
         except _BadLineError as bad:
             if skipped is None:
-                raise input_error(f"{path}:{number}", bad.expected, repr(line)) from None
-            skipped.add(bad.reason, f"{path}:{number}: {line.strip()[:60]!r}")
+                raise input_error(f"{path}:{number}", bad.expected, repr(line[:_SHOWN])) from None
+            skipped.add(bad.reason, f"{path}:{number}: {line.strip()[:_SHOWN]!r}")
 
 
 class _BadLineError(Exception):
@@ -137,13 +139,16 @@ class _BadLineError(Exception):
 _COUNT = f"a type and {_NUMBERS} numbers"
 
 
-def label_of(line: str) -> KittiLabel:
-    """One line that is not empty."""
-    name, *values = line.split()
+def label_of(line: str, loose: bool = False) -> KittiLabel:
+    """One line that is not empty; `loose` takes any type, decimal commas, and more columns, which say
+    nothing."""
+    name, *values = (line.replace(",", ".") if loose else line).split()
     if len(values) < _NUMBERS:
         raise _BadLineError("cut-off line", _COUNT)
     if len(values) > _NUMBERS + 1:
-        raise _BadLineError("too many values", f"{_COUNT}, or one more in results")
+        if not loose:
+            raise _BadLineError("too many values", f"{_COUNT}, or one more in results")
+        values = values[:_NUMBERS]
     try:
         n = [float(x) for x in values]
         occluded = int(n[1])
@@ -151,14 +156,31 @@ def label_of(line: str) -> KittiLabel:
         raise _BadLineError("not a number", _COUNT) from None
     if not all(map(math.isfinite, n)):
         raise _BadLineError("not a finite number", f"{_COUNT}, all finite")
-    if name not in TYPES:
+    if name not in TYPES and not loose:
         raise _BadLineError("unknown class", f"one of {', '.join(TYPES)}")
     box, place = (n[3], n[4], n[5], n[6]), (n[10], n[11], n[12])
     score = n[14] if len(n) > _NUMBERS else None
     return KittiLabel(name, n[0], occluded, n[2], box, n[7], n[8], n[9], place, n[13], score)
 
 
-def _tracked(line: str) -> TrackedLabel:
+def loose_label(place: str, line: str) -> KittiLabel:
+    """One line of a file that is nearly KITTI's. Raises InputError with its place, `file:number`."""
+    return _loosely(place, line, lambda text: label_of(text, loose=True))
+
+
+def loose_tracked_label(place: str, line: str) -> TrackedLabel:
+    """The same of a tracking label file."""
+    return _loosely(place, line, lambda text: _tracked(text, loose=True))
+
+
+def _loosely(place: str, line: str, parse: Callable[[str], T]) -> T:
+    try:
+        return parse(line)
+    except _BadLineError as bad:
+        raise input_error(place, bad.expected, repr(line[:_SHOWN])) from None
+
+
+def _tracked(line: str, loose: bool = False) -> TrackedLabel:
     head = line.split(maxsplit=_TRACKING_COLUMNS)
     if len(head) <= _TRACKING_COLUMNS:
         raise _BadLineError("cut-off line", f"frame, track, {_COUNT}")
@@ -166,7 +188,7 @@ def _tracked(line: str) -> TrackedLabel:
         frame, track = int(head[0]), int(head[1])
     except ValueError:
         raise _BadLineError("not a number", f"frame, track, {_COUNT}") from None
-    return TrackedLabel(frame, track, label_of(head[2]))
+    return TrackedLabel(frame, track, label_of(head[2], loose))
 
 
 def format_calibration(camera: Camera) -> str:
