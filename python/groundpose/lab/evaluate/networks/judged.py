@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose import estimate_poses
+from groundpose import Options, estimate_poses
 from groundpose._checks import FloatArray
 from groundpose.keypoints.decode import VIEWING_ANGLES
 from groundpose.keypoints.network import VEHICLE_THRESHOLD, Network
@@ -17,6 +17,8 @@ from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg
 from groundpose.lab.training.evaluate import Answers, answers
 from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
 
+EVERY_ANSWER = Options(min_probability=0.0)
+"""Networks are compared by all their answers; which of them are given is measured elsewhere."""
 TURNED_DEG = 90.0
 SAYS_TURNED = 0.2
 """Probability of the other half of the viewing angles from which the network disagrees with a pose."""
@@ -101,6 +103,7 @@ def _poses(network: Network, seen: Renders, found: Answers) -> FloatArray:
             boxes[rows],
             [shape_model(classes[i]) for i in rows],
             [scores[i, own[i]] for i in rows],
+            EVERY_ANSWER,
             threads=1,
         )
         R[rows[poses.ok]] = poses.R[poses.ok]
