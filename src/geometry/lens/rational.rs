@@ -43,6 +43,10 @@ pub struct Rational {
 
 impl Rational {
     /// Name of the model.
+    ///
+    /// ```
+    /// assert_eq!(groundpose::geometry::lens::rational::Rational::NAME, "rational");
+    /// ```
     pub const NAME: &'static str = "rational";
 
     /// From the coefficients; [`Camera::with_lens`](crate::Camera::with_lens) checks them.
