@@ -13,7 +13,7 @@ from groundpose._checks import FloatArray
 from groundpose.keypoints.decode import VIEWING_ANGLES
 from groundpose.keypoints.network import VEHICLE_THRESHOLD, Network
 from groundpose.lab.evaluate.networks.renders import Renders
-from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg
+from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg, yaw_between_deg
 from groundpose.lab.training.evaluate import Answers, answers
 from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
 
@@ -68,8 +68,7 @@ def judge(network: Network, seen: Renders) -> Judged:
     R = _poses(network, seen, found)
     missing = np.isnan(R).any(axis=(1, 2))
     error = np.where(missing, NO_ANSWER_E_R_DEG, rotation_error_deg(seen.R, R))
-    relative = np.swapaxes(seen.R, 1, 2) @ R  # the true vehicle's axes: its y axis is the ground's
-    yaw = np.abs(np.degrees(np.arctan2(relative[:, 0, 2], relative[:, 2, 2])))
+    yaw = yaw_between_deg(seen.R, R)  # the true vehicle's y axis is the ground's
     alpha = np.arctan2(R[:, 0, 2], R[:, 2, 2]) - 0.5 * np.pi - seen.direction
     detections = found.detections
     return Judged(
