@@ -75,7 +75,8 @@ def estimate_frame(
 def _corrected(rows: _Rows, solved: dict[str, Any], nominal: View) -> PoseBatch:
     poses, at = rows.poses, rows.at
     view = EstimatedView.of(nominal, solved, rows.names)
-    shapes = _shapes(rows, solved)
+    follows = _follows(rows)
+    shapes = _shapes(rows, solved, follows)
     values = {name: getattr(poses, name).copy() for name in ("R", "t", "yaw", "covariance", *shapes)}
     for name in ("R", "t", "yaw", "covariance"):
         values[name][at] = solved[name]
@@ -84,15 +85,15 @@ def _corrected(rows: _Rows, solved: dict[str, Any], nominal: View) -> PoseBatch:
     models = list(poses.models)
     for k, factor in zip(at, np.exp(solved["log_size"]), strict=True):
         models[k] = models[k].resized(factor)
-    values |= {"models": tuple(models), "scale_covariance": _scale_covariance(rows, solved)}
+    values |= {"models": tuple(models), "scale_covariance": _scale_covariance(rows, solved, follows)}
     tilt = {"view": view, "tilt_covariance": solved["view_covariance"][:2, :2]}
     return type(poses)._of(vars(poses) | values | tilt)
 
 
-def _shapes(rows: _Rows, solved: dict[str, Any]) -> dict[str, FloatArray]:
+def _shapes(rows: _Rows, solved: dict[str, Any], follows: FloatArray) -> dict[str, FloatArray]:
     """Shapes that follow their poses."""
     poses, at = rows.poses, rows.at
-    own, follows = poses.covariance[at], _follows(rows)
+    own = poses.covariance[at]
     coefficients = poses.shape_coefficients[at]
     moved = coefficients + (follows @ solved["moved"][..., None])[..., 0]
     limit = np.maximum(np.abs(coefficients), MOST_DEVIATION * _deviations(rows, coefficients.shape[1]))
@@ -111,9 +112,9 @@ def _follows(rows: _Rows) -> FloatArray:
     return np.asarray(np.linalg.solve(rows.poses.covariance[rows.at], between).transpose(0, 2, 1))
 
 
-def _scale_covariance(rows: _Rows, solved: dict[str, Any]) -> FloatArray:
+def _scale_covariance(rows: _Rows, solved: dict[str, Any], follows: FloatArray) -> FloatArray:
     """(N, M + 1) covariance of the log size with the coefficients, and its variance."""
-    follows, joint = _follows(rows), solved["moved_covariance"]
+    joint = solved["moved_covariance"]
     found = np.full((len(rows.poses), follows.shape[1] + 1), np.nan)
     found[rows.at, :-1] = (follows @ joint[:, :6, 6:])[..., 0]
     found[rows.at, -1] = joint[:, 6, 6]

@@ -39,35 +39,19 @@ pub struct Alternative {
     pub probability: f64,
 }
 
-/// How another reading is come by.
-pub(crate) enum Source {
-    /// The search met it: a pose of its own, with the keypoints as inliers.
-    Found(State),
-    /// The network doubts the side from which the object is seen: the pose turned round in its place.
-    Turned(State),
-}
-
 /// The other reading, where its probability is worth telling: `other` against `this`, `right` that the estimate is right.
-pub(crate) fn probability(other: f64, this: f64, right: f64) -> Option<f64> {
+fn probability(other: f64, this: f64, right: f64) -> Option<f64> {
     let probability = (right * other / this.max(f64::MIN_POSITIVE)).min(1.0 - right);
     (probability > LEAST_ALTERNATIVE).then_some(probability)
-}
-
-impl Source {
-    /// A pose that the search met if it faces the half turned away, or else the pose turned round.
-    pub(crate) fn away(state: &State, runner_up: Option<&RunnerUp>, model: &ShapeModel) -> Self {
-        match runner_up {
-            Some(other) if other.state.pose.forward_cosine(&state.pose) < 0.0 => Self::Found(other.state),
-            _ => Self::Turned(turned(state, model)),
-        }
-    }
 }
 
 /// Whether it could face another way.
 pub(crate) struct Doubt {
     pub(crate) ambiguity: f64,
-    /// The other reading, and how likely it is against this one.
-    other: Option<(Source, [f64; 2])>,
+    /// How likely this reading is, in the unit of the ambiguity.
+    this: f64,
+    /// The other reading where the search met it: a pose of its own, with the keypoints as inliers.
+    found: Option<State>,
 }
 
 impl Doubt {
@@ -76,17 +60,19 @@ impl Doubt {
         let (refined, model) = (&verified.refined, object.observation.model());
         if let Some(angles) = object.observation.viewing_angles() {
             let ambiguity = turned_probability(angles, &refined.state, model);
-            let source = Source::away(&refined.state, refined.runner_up.as_ref(), model);
-            return Self { ambiguity, other: Some((source, [ambiguity, 1.0 - ambiguity])) };
+            let is_away = |other: &RunnerUp| other.state.pose.forward_cosine(&refined.state.pose) < 0.0;
+            let found = refined.runner_up.filter(is_away).map(|other| other.state);
+            return Self { ambiguity, this: 1.0 - ambiguity, found };
         }
-        let Some(other) = refined.runner_up else { return Self { ambiguity: 0.0, other: None } };
+        let Some(other) = refined.runner_up else { return Self { ambiguity: 0.0, this: 1.0, found: None } };
         let noise_sigma = verified.noise.sigma.max(AMBIGUITY_NOISE * object.inlier_threshold);
         let ambiguity = relative_likelihood(refined.cost, other.cost, noise_sigma);
-        Self { ambiguity, other: Some((Source::Found(other.state), [ambiguity, 1.0])) }
+        Self { ambiguity, this: 1.0, found: Some(other.state) }
     }
 
-    /// The other reading, where it is probable enough, a call of its own as that of the estimate; `right` is the probability that `state` is right, `own` its
-    /// covariance.
+    /// The other reading, where it is probable enough: the pose that was met or, where only the network doubts the side
+    /// from which the object is seen, the pose turned round in its place. `right` is the probability that `state` is
+    /// right, `own` its covariance. A call of its own, as that of the estimate.
     #[inline(never)]
     pub(crate) fn alternative(
         self,
@@ -96,12 +82,12 @@ impl Doubt {
         own: Option<&PoseCovariance>,
         uncertainty: &mut impl FnMut(&State) -> Option<Covariances>,
     ) -> Option<Alternative> {
-        let (source, [other, this]) = self.other?;
-        let probability = probability(other, this, right)?;
-        let (other, covariance) = match source {
-            Source::Found(other) => (other, own.and_then(|_| uncertainty(&other)).map(|c| c.0)),
-            Source::Turned(other) => {
+        let probability = probability(self.ambiguity, self.this, right)?;
+        let (other, covariance) = match self.found {
+            Some(other) => (other, own.and_then(|_| uncertainty(&other)).map(|c| c.0)),
+            None => {
                 let model = object.observation.model();
+                let other = turned(state, model);
                 (other, own.map(|own| turned_covariance(own, state, &other, model)))
             }
         };
@@ -117,7 +103,7 @@ fn relative_likelihood(best: f64, runner_up: f64, noise_sigma: f64) -> f64 {
 }
 
 /// Turned by half a turn about the vertical through the middle of the 3D box.
-fn turned(state: &State, model: &ShapeModel) -> State {
+pub(crate) fn turned(state: &State, model: &ShapeModel) -> State {
     let middle = middle(state, model);
     let Pose { r, t } = state.pose;
     let mut turned = r;

@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, Vector6};
 
 use super::fixture::{Fixture, Random, linearised};
-use crate::estimate::alternative::{Source, turned_covariance, turned_probability};
+use crate::estimate::alternative::{turned, turned_covariance, turned_probability};
 use crate::geometry::camera::Camera;
 use crate::geometry::math::{atan2, square};
 use crate::geometry::pose::Pose;
@@ -106,13 +106,6 @@ fn priors_limit_what_the_factor_widens() {
             assert!((1.0..=10.0 + 1e-9).contains(&ratio), "{k}: {ratio}");
         }
     });
-}
-
-fn turned(state: &State, model: &ShapeModel) -> State {
-    match Source::away(state, None, model) {
-        Source::Turned(state) => state,
-        Source::Found(_) => unreachable!("nothing else was found"),
-    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 """Networks in files and the pipeline, on a network that is made here without training."""
 
 import dataclasses
+import json
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -14,7 +15,7 @@ from groundpose.cli.inputs import NetworkFile
 from groundpose.keypoints import network as network_module
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.keypoints.image import as_rgb
-from groundpose.keypoints.network import FORMAT
+from groundpose.keypoints.network import CERTAINTY, FORMAT
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import keypoint_indices
 from PIL import Image
@@ -78,10 +79,13 @@ def test_files_that_are_not_ours(path, tmp_path, monkeypatch):
             Network(name)
 
 
-def test_the_bundled_networks_are_one_and_named_in_the_help():
+def test_the_bundled_networks_go_together_and_are_named_in_the_help():
+    """The default asks the network of the others and a larger one."""
     found = [Network(name, threads=1) for name in network_module.BUNDLED]
-    assert len({network.metadata["command"] for network in found}) == 1
-    assert [network.metadata["mirrored"] for network in found] == ["true", "false", "false"]
+    both, small, plain = (network.metadata["command"] for network in found)
+    assert both.split("; ")[1:] == [small] == [plain]
+    assert [json.loads(network.metadata.get("others", "[]")) for network in found] == [["lite32"], [], []]
+    assert all(CERTAINTY in network.metadata and network.version == "2" for network in found)
     assert [network.metadata.get("weights") for network in found] == ["int8", "int8", None]
     assert all(name in get_args(NetworkFile)[1].help for name in network_module.BUNDLED)
 

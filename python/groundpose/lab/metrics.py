@@ -63,6 +63,18 @@ def yaw_error_deg(yaw_true: npt.ArrayLike, yaw: npt.ArrayLike) -> Array:
     return np.asarray(np.degrees(np.abs(np.arctan2(np.sin(difference), np.cos(difference)))))
 
 
+def yaw_between_deg(R_from: npt.ArrayLike, R_to: npt.ArrayLike) -> Array:
+    """Angle of `R_to` against `R_from`, both (..., 3, 3), about the y axis of the latter, 0 to 180 degrees;
+    NaN where a rotation is."""
+    relative = np.swapaxes(np.asarray(R_from, float), -1, -2) @ np.asarray(R_to, float)
+    return np.asarray(np.abs(np.degrees(np.arctan2(relative[..., 0, 2], relative[..., 2, 2]))))
+
+
+def percentage(mask: npt.NDArray[np.bool_]) -> float | None:
+    """How many are true of a mask (N,); None of none."""
+    return float(100.0 * mask.mean()) if len(mask) else None
+
+
 def failed(e_r_deg: npt.ArrayLike, e_t_percent: npt.ArrayLike) -> npt.NDArray[np.bool_]:
     """A failure: e_r > 10 deg or e_t > 10 % or no answer (NaN)."""
     right = (np.asarray(e_r_deg) <= FAILURE_E_R_DEG) & (np.asarray(e_t_percent) <= FAILURE_E_T_PERCENT)

@@ -69,10 +69,6 @@ impl LensModel for BrownConrady {
         &self.coefficients
     }
 
-    fn is_ideal(&self) -> bool {
-        self.coefficients.iter().all(|&c| c == 0.0)
-    }
-
     fn distort(&self, point: [f64; 2]) -> [f64; 2] {
         self.at(point).point
     }

@@ -43,6 +43,10 @@ const HALVINGS: usize = 60;
 
 impl Equidistant {
     /// Name of the model.
+    ///
+    /// ```
+    /// assert_eq!(groundpose::geometry::lens::equidistant::Equidistant::NAME, "equidistant");
+    /// ```
     pub const NAME: &'static str = "equidistant";
 
     /// From `k1, k2, k3, k4`; [`Camera::with_lens`](crate::Camera::with_lens) checks them.

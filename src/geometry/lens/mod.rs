@@ -41,8 +41,10 @@ pub(crate) trait LensModel {
     /// The coefficients in the order of its constructor.
     fn coefficients(&self) -> &[f64];
 
-    /// Whether the lens moves no point.
-    fn is_ideal(&self) -> bool;
+    /// Whether the lens moves no point: usually where all coefficients are 0.
+    fn is_ideal(&self) -> bool {
+        self.coefficients().iter().all(|&c| c == 0.0)
+    }
 
     /// Where the lens puts a normalised point.
     fn distort(&self, point: [f64; 2]) -> [f64; 2];

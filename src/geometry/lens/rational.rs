@@ -43,6 +43,10 @@ pub struct Rational {
 
 impl Rational {
     /// Name of the model.
+    ///
+    /// ```
+    /// assert_eq!(groundpose::geometry::lens::rational::Rational::NAME, "rational");
+    /// ```
     pub const NAME: &'static str = "rational";
 
     /// From the coefficients; [`Camera::with_lens`](crate::Camera::with_lens) checks them.
@@ -117,10 +121,6 @@ impl LensModel for Rational {
 
     fn coefficients(&self) -> &[f64] {
         &self.coefficients
-    }
-
-    fn is_ideal(&self) -> bool {
-        self.coefficients.iter().all(|&c| c == 0.0)
     }
 
     fn distort(&self, point: [f64; 2]) -> [f64; 2] {

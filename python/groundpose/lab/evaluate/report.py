@@ -151,10 +151,15 @@ def headline(solver: dict[str, Any]) -> str:
 
 def with_headline(readme: str, solver: dict[str, Any]) -> str:
     """The README with the table between its two marks made anew."""
-    begin, end = MARKS
-    before, _, rest = readme.partition(begin)
+    return between(readme, MARKS, f"\n{headline(solver)}\n")
+
+
+def between(text: str, marks: tuple[str, str], new: str) -> str:
+    """The text with `new` in place of what stands between two marks."""
+    begin, end = marks
+    before, _, rest = text.partition(begin)
     _, _, after = rest.partition(end)
-    return f"{before}{begin}\n{headline(solver)}\n{end}{after}"
+    return f"{before}{begin}{new}{end}{after}"
 
 
 def _summary(content: dict[str, Any]) -> list[str]:

@@ -20,7 +20,7 @@ from groundpose.lab.contenders.contender import nothing
 from groundpose.lab.contenders.objects import Array
 from groundpose.lab.contenders.own import DEFAULT, Own
 from groundpose.lab.evaluate.real_data import RealObjects
-from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg, summarise, yaw_error_deg
+from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg, summarise, yaw_between_deg
 
 Row = dict[str, Any]
 
@@ -112,8 +112,7 @@ def _errors(objects: RealObjects, R: Array, truth: dict[Any, Array], found: dict
     image."""
     e_r = rotation_error_deg(objects.R, R)
     summary = summarise(e_r, np.where(np.isnan(e_r), np.nan, 0.0))
-    relative = np.swapaxes(objects.R, -1, -2) @ R
-    yaw = yaw_error_deg(0.0, np.arctan2(relative[:, 0, 2], relative[:, 2, 2]))
+    yaw = yaw_between_deg(objects.R, R)
     yaw = np.where(np.isnan(yaw), NO_ANSWER_E_R_DEG, yaw)
     row = {
         "median e_r deg": summary.median_e_r_deg,

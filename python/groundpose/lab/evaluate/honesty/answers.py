@@ -13,6 +13,7 @@ from groundpose import Options, estimate_poses
 from groundpose._checks import FloatArray
 from groundpose.lab.evaluate.honesty.coverage import Stated, errors
 from groundpose.lab.evaluate.honesty.seen import Records, by_view, view_of
+from groundpose.lab.metrics import yaw_between_deg
 from groundpose.lab.training.crops import NOTHING
 from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
 
@@ -98,8 +99,7 @@ class Answers:
 
 def yaw_error(R_true: FloatArray, R: FloatArray) -> FloatArray:
     """(N,) degrees, 0 to 180, about the ground's normal; NaN where a rotation is."""
-    relative = np.swapaxes(R, 1, 2) @ R_true
-    return np.asarray(np.abs(np.degrees(np.arctan2(relative[:, 0, 2], relative[:, 2, 2]))))
+    return yaw_between_deg(R, R_true)
 
 
 def right(R_true: FloatArray, t_true: FloatArray, R: FloatArray, t: FloatArray) -> Mask:

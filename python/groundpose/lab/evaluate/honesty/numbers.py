@@ -12,6 +12,7 @@ from groundpose.lab.evaluate.honesty.answers import RIGHT_YAW_DEG, Answers, Mask
 from groundpose.lab.evaluate.honesty.coverage import covered
 from groundpose.lab.evaluate.honesty.label_errors import allowed
 from groundpose.lab.evaluate.honesty.probability import AMBIGUITY_EDGES, probability, reliability
+from groundpose.lab.metrics import percentage
 
 CLEAR, ALLOWED = "well visible", "well visible, errors of the labels allowed for"
 INDEPENDENT = "well visible, errors taken for independent"
@@ -35,11 +36,11 @@ def vehicles(answers: Answers, certainty: Certainty, is_vehicle: Mask, real: boo
     found: dict[str, Any] = {
         "vehicles": len(answers),
         "well_visible": int(clear.sum()),
-        "right": _percent(answers.right[clear]),
-        "right_yaw_only": _percent(answers.yaw_error[clear] <= RIGHT_YAW_DEG),
-        "kept": _percent(called[clear & answers.right]),
-        "kept_all": _percent(called[answers.right]),
-        "right_of_called": _percent(answers.right[called]),
+        "right": percentage(answers.right[clear]),
+        "right_yaw_only": percentage(answers.yaw_error[clear] <= RIGHT_YAW_DEG),
+        "kept": percentage(called[clear & answers.right]),
+        "kept_all": percentage(called[answers.right]),
+        "right_of_called": percentage(answers.right[called]),
         "probability": reliability(p[answers.ok], answers.right[answers.ok]),
         "ambiguity": reliability(answers.ambiguity[answers.ok], flipped[answers.ok], AMBIGUITY_EDGES)
         | {"flips": int(flipped.sum()), **_other_reading(answers.only(flipped))},
@@ -62,7 +63,7 @@ def vehicles(answers: Answers, certainty: Certainty, is_vehicle: Mask, real: boo
 def _other_reading(turned: Answers) -> dict[str, Any]:
     """Of poses turned round: percentage with another reading, and with one whose yaw is right."""
     error = turned.other_yaw_error
-    return {"with_other": _percent(~np.isnan(error)), "other_right": _percent(error <= RIGHT_YAW_DEG)}
+    return {"with_other": percentage(~np.isnan(error)), "other_right": percentage(error <= RIGHT_YAW_DEG)}
 
 
 def background(answers: Answers, certainty: Certainty, is_vehicle: Mask) -> dict[str, Any]:
@@ -72,9 +73,9 @@ def background(answers: Answers, certainty: Certainty, is_vehicle: Mask) -> dict
     def rates(rows: Mask) -> dict[str, Any]:
         return {
             "boxes": int(rows.sum()),
-            "solved": _percent(answers.ok[rows]),
-            "called_vehicle": _percent((answers.ok & is_vehicle)[rows]),
-            "called_right": _percent(called[rows]),
+            "solved": percentage(answers.ok[rows]),
+            "called_vehicle": percentage((answers.ok & is_vehicle)[rows]),
+            "called_right": percentage(called[rows]),
         }
 
     kinds = np.unique(answers.seen["kind"])
@@ -86,7 +87,3 @@ def _called(answers: Answers, certainty: Certainty, is_vehicle: Mask) -> Mask:
     """(N,): what gets the status "ok"."""
     p = probability(certainty, answers)
     return np.asarray(answers.ok & is_vehicle & (p >= (certainty.min_probability or 0.0)))
-
-
-def _percent(values: Mask) -> float | None:
-    return float(100.0 * values.mean()) if len(values) else None

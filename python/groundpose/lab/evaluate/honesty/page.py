@@ -10,7 +10,7 @@ from groundpose.lab.evaluate.honesty.numbers import ALLOWED, CLEAR
 from groundpose.lab.evaluate.honesty.sources import ALL_RENDERS, MANY_LOOKS, RENDERS
 from groundpose.lab.evaluate.honesty.targets import WANTED
 from groundpose.lab.evaluate.networks.targets import target_table
-from groundpose.lab.evaluate.report import MARKS, README, read_json, table
+from groundpose.lab.evaluate.report import MARKS, README, between, read_json, table
 
 RESULTS, PAGE = Path("results/honesty.json"), Path("docs/honesty.md")
 SENTENCE = ("<!-- coverage: begin -->", "<!-- coverage: end -->")
@@ -32,14 +32,14 @@ def write_page(root: Path, found: dict[str, Any]) -> Path | None:
         readme.write_text(with_sentence(readme.read_text("utf-8"), found), "utf-8")
     if not path.exists():
         return None
-    path.write_text(_between(path.read_text("utf-8"), MARKS, f"\n{tables(found)}\n"), "utf-8")
+    path.write_text(between(path.read_text("utf-8"), MARKS, f"\n{tables(found)}\n"), "utf-8")
     figures.draw(root, found.get("trained", {}))
     return path
 
 
 def with_sentence(readme: str, found: dict[str, Any]) -> str:
     """The README with the sentence about covariances made anew."""
-    return _between(readme, SENTENCE, sentence(found)) if SENTENCE[0] in readme else readme
+    return between(readme, SENTENCE, sentence(found)) if SENTENCE[0] in readme else readme
 
 
 def sentence(found: dict[str, Any]) -> str:
@@ -60,13 +60,6 @@ def _range(covered: list[dict[str, Any]]) -> str:
     """The whole pose's 95 % regions of some groups."""
     values = sorted({f"{one['inside']['pose']['95']:.0f}" for one in covered}, key=int)
     return f"{values[0]} to {values[-1]} %" if len(values) > 1 else f"{values[0]} %"
-
-
-def _between(text: str, marks: tuple[str, str], new: str) -> str:
-    begin, end = marks
-    before, _, rest = text.partition(begin)
-    _, _, after = rest.partition(end)
-    return f"{before}{begin}{new}{end}{after}"
 
 
 def tables(found: dict[str, Any]) -> str:

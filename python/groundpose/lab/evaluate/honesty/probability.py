@@ -14,7 +14,7 @@ from groundpose.keypoints.certainty import Certainty
 from groundpose.keypoints.decode import logistic_regression
 from groundpose.lab.evaluate.honesty.answers import Answers, Mask
 
-MOST_BACKGROUND = 0.002
+MOST_BACKGROUND = 0.005
 """Fraction of the places without a vehicle that may be called right, of those of a fit."""
 LEAST_KEPT = 0.97
 """Fraction of the right answers to well visible vehicles that must be kept, of those of a fit."""

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import groundpose as gp
 from groundpose.formats.kitti.dataset import KittiFrame, KittiFrames, KittiSet, difficulty
@@ -30,6 +29,7 @@ from groundpose.lab.evaluate.kitti.frame import (
 )
 from groundpose.lab.evaluate.kitti.keypoints import KeypointSource, Network, Simulated
 from groundpose.lab.evaluate.kitti.summary import group
+from groundpose.lab.metrics import percentage
 
 JSON, PAGE = Path("results/distance.json"), Path("docs/distance.md")
 MARKS = ("<!-- distances: begin -->", "<!-- distances: end -->")
@@ -148,7 +148,7 @@ def measure(found: Set, setting: Setting) -> dict[str, Any]:
         "AP3D 0.7 %": precision["3D"][MODERATE],
         "AP3D 0.5 %": precision["3D loose"][MODERATE],
         "vans": len(vans),
-        "vans within 15 % of distance %": _percentage(np.abs(vans) <= KNOWN_WITHIN_PERCENT),
+        "vans within 15 % of distance %": percentage(np.abs(vans) <= KNOWN_WITHIN_PERCENT),
         "drives": len(states),
         "drives with a remark about the height": sum(bool(s.remarks) for s in states.values()),
     }
@@ -163,10 +163,6 @@ def _frame(
     if sequence not in states:
         states[sequence] = gp.CameraState(view, setting.priors)
     return states[sequence]
-
-
-def _percentage(mask: NDArray[np.bool_]) -> float | None:
-    return float(100.0 * mask.mean()) if len(mask) else None
 
 
 def run(data: Path, network: str | None, advance: Callable[[int, int], None]) -> dict[str, Any]:
@@ -207,11 +203,10 @@ def write_stored(root: Path) -> Path | None:
 
 def write_page(content: dict[str, Any], path: Path) -> Path:
     """The tables between the marks of the page."""
-    before, rest = path.read_text(encoding="utf-8").split(MARKS[0])
-    after = rest.split(MARKS[1])[1]
-    parts = [MARKS[0]]
+    parts = [""]
     for name, rows in content["sets"].items():
         shown = [{column: row[column] for column in _SHOWN} for row in rows]
         parts += [f"### {_TITLES[name]}", report.table(shown)]
-    path.write_text(before + "\n\n".join([*parts, MARKS[1]]) + after, encoding="utf-8")
+    new = "\n\n".join([*parts, ""])
+    path.write_text(report.between(path.read_text(encoding="utf-8"), MARKS, new), encoding="utf-8")
     return path

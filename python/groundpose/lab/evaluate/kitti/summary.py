@@ -20,7 +20,7 @@ from groundpose.lab.contenders.registry import by_option
 from groundpose.lab.evaluate.kitti.average_precision import Hits, average_precision
 from groundpose.lab.evaluate.kitti.frame import ERROR_COLUMNS, LABEL_COLUMNS, Task
 from groundpose.lab.evaluate.kitti.store import Line
-from groundpose.lab.metrics import FAR_OFF_E_R_DEG, NO_ANSWER_E_R_DEG, failed
+from groundpose.lab.metrics import FAR_OFF_E_R_DEG, NO_ANSWER_E_R_DEG, failed, percentage
 
 Mask = npt.NDArray[np.bool_]
 Group = dict[str, Any]
@@ -201,22 +201,22 @@ def group(name: str, errors: FloatArray) -> Group:
     return {
         "group": name,
         "objects": len(silent),
-        "no answer %": _percentage(silent),
+        "no answer %": percentage(silent),
         "mean e_r deg": _mean(e["e_r_deg"]),
         "mean e_a deg": _mean(e["e_a_deg"]),
-        "failures %": _percentage(failed(e["e_r_deg"], e["e_t_percent"])),
+        "failures %": percentage(failed(e["e_r_deg"], e["e_t_percent"])),
         "median e_r deg": _median(e_r),
-        "e_r above 15 deg %": _percentage(e_r > FAR_OFF_E_R_DEG),
+        "e_r above 15 deg %": percentage(e_r > FAR_OFF_E_R_DEG),
         "median yaw error deg": _median(yaw),
-        "yaw above 15 deg %": _percentage(yaw > FAR_OFF_E_R_DEG),
-        "yaw above 30 deg %": _percentage(yaw > REVERSED_DEG),
+        "yaw above 15 deg %": percentage(yaw > FAR_OFF_E_R_DEG),
+        "yaw above 30 deg %": percentage(yaw > REVERSED_DEG),
         "orientation similarity": _mean(np.where(silent, 0.0, (1.0 + np.cos(np.radians(yaw))) / 2.0)),
         "median depth error %": _median(e["depth_percent"]),
         "median depth error on the ground %": _median(e["depth_ground_percent"]),
         "median distance error %": _median(distance),
         "distance bias %": _median(e["distance_percent"]),
-        "distance beyond 10 %": _percentage(distance > FAR_PERCENT),
-        "95 % interval of distance holds %": _percentage(held[stated]),
+        "distance beyond 10 %": percentage(distance > FAR_PERCENT),
+        "95 % interval of distance holds %": percentage(held[stated]),
         "mean overlap in space": _mean(np.nan_to_num(e["iou_3d"])),
     }
 
@@ -229,7 +229,3 @@ def _mean(values: FloatArray) -> float | None:
 def _median(values: FloatArray) -> float | None:
     values = values[np.isfinite(values)]
     return float(np.median(values)) if len(values) else None
-
-
-def _percentage(mask: Mask) -> float | None:
-    return float(100.0 * mask.mean()) if len(mask) else None

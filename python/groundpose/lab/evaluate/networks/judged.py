@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose import estimate_poses
+from groundpose import Options, estimate_poses
 from groundpose._checks import FloatArray
 from groundpose.keypoints.decode import VIEWING_ANGLES
 from groundpose.keypoints.network import VEHICLE_THRESHOLD, Network
 from groundpose.lab.evaluate.networks.renders import Renders
-from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg
+from groundpose.lab.metrics import NO_ANSWER_E_R_DEG, rotation_error_deg, yaw_between_deg
 from groundpose.lab.training.evaluate import Answers, answers
 from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
 
+EVERY_ANSWER = Options(min_probability=0.0)
+"""Networks are compared by all their answers; which of them are given is measured elsewhere."""
 TURNED_DEG = 90.0
 SAYS_TURNED = 0.2
 """Probability of the other half of the viewing angles from which the network disagrees with a pose."""
@@ -66,8 +68,7 @@ def judge(network: Network, seen: Renders) -> Judged:
     R = _poses(network, seen, found)
     missing = np.isnan(R).any(axis=(1, 2))
     error = np.where(missing, NO_ANSWER_E_R_DEG, rotation_error_deg(seen.R, R))
-    relative = np.swapaxes(seen.R, 1, 2) @ R  # the true vehicle's axes: its y axis is the ground's
-    yaw = np.abs(np.degrees(np.arctan2(relative[:, 0, 2], relative[:, 2, 2])))
+    yaw = yaw_between_deg(seen.R, R)  # the true vehicle's y axis is the ground's
     alpha = np.arctan2(R[:, 0, 2], R[:, 2, 2]) - 0.5 * np.pi - seen.direction
     detections = found.detections
     return Judged(
@@ -101,6 +102,7 @@ def _poses(network: Network, seen: Renders, found: Answers) -> FloatArray:
             boxes[rows],
             [shape_model(classes[i]) for i in rows],
             [scores[i, own[i]] for i in rows],
+            EVERY_ANSWER,
             threads=1,
         )
         R[rows[poses.ok]] = poses.R[poses.ok]

@@ -8,7 +8,7 @@ from typing import Any
 from groundpose.lab.evaluate.networks import reliability, sweeps
 from groundpose.lab.evaluate.networks.robust_tables import robust_tables
 from groundpose.lab.evaluate.networks.targets import target_table
-from groundpose.lab.evaluate.report import MARKS, read_json, table
+from groundpose.lab.evaluate.report import MARKS, between, read_json, table
 
 RESULTS, PAGE = Path("results/networks.json"), Path("docs/model.md")
 PAPER = {
@@ -51,10 +51,7 @@ def write_page(root: Path, found: dict[str, Any]) -> Path | None:
     path = root / PAGE
     if not path.exists():
         return None
-    begin, end = MARKS
-    before, _, rest = path.read_text("utf-8").partition(begin)
-    _, _, after = rest.partition(end)
-    path.write_text(f"{before}{begin}\n{tables(found)}\n{end}{after}", "utf-8")
+    path.write_text(between(path.read_text("utf-8"), MARKS, f"\n{tables(found)}\n"), "utf-8")
     trained = found.get("trained", {})
     for figure in (sweeps, reliability):
         figure.draw(root, trained)

@@ -9,6 +9,7 @@ import numpy as np
 
 from groundpose.keypoints.network import VEHICLE_THRESHOLD, Network
 from groundpose.keypoints.pipeline import Pipeline
+from groundpose.lab.evaluate.networks.judged import EVERY_ANSWER
 from groundpose.lab.training.streets import Judged, judge, looks, streets, summary
 
 LOOKS = 6
@@ -21,9 +22,10 @@ GROUPS = ("25 to 30 px", "30 to 40 px", "40 to 60 px", "60 px and more")
 def measure(network: Network, frames: Path) -> dict[str, Any]:
     """`{"streets": numbers of one look, "looks": of all, "heights": by height of the box}`.
 
-    Poses are of every box, so that a box taken for empty hides no error; those are counted apart.
+    Poses are of every box, so that a box taken for empty or an answer that is improbable hides no error; the
+    former are counted apart.
     """
-    pipeline = Pipeline(network, vehicle_threshold=0.0)
+    pipeline = Pipeline(network, vehicle_threshold=0.0, options=EVERY_ANSWER)
     seen = streets(frames)
     many = [judge(pipeline, look) for street in seen for look in looks(street, LOOKS)]
     return {
