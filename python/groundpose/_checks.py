@@ -13,11 +13,15 @@ from numpy.typing import NDArray
 from groundpose._core import InputError
 
 FloatArray = NDArray[np.float64]
+_SHOWN = 400
+"""Characters of what was got in an error: files may hold a line of a megabyte."""
 
 
 def input_error(argument: str, expected: str, got: object) -> InputError:
     """The error for a value that an argument does not take."""
-    return InputError(f"{argument}: expected {expected}, got {got}")
+    said = str(got)
+    shown = said if len(said) <= _SHOWN else f"{said[:_SHOWN]}..."
+    return InputError(f"{argument}: expected {expected}, got {shown}")
 
 
 def type_error(argument: str, expected: str, value: object) -> TypeError:

@@ -16,6 +16,10 @@ _MOST = 2**53
 """Whole numbers below it are the same as floats."""
 
 
+_SHOWN = 200
+"""Characters of a path in an error."""
+
+
 class Field:
     """A JSON value, the place it comes from (`frames.jsonl:3`) and its path there (`objects[2].bbox`)."""
 
@@ -26,7 +30,8 @@ class Field:
     @property
     def where(self) -> str:
         """Place and path, as errors begin."""
-        return f"{self.place}: {self.path}" if self.path else self.place
+        path = self.path if len(self.path) <= _SHOWN else f"{self.path[:_SHOWN]}..."
+        return f"{self.place}: {path}" if path else self.place
 
     def fail(self, expected: str, got: str | None = None) -> NoReturn:
         """Raise the error of this field."""
