@@ -14,7 +14,7 @@ PACKAGE = Path(groundpose.__file__).parent
 ROOMS = (
     *("_core", "_checks", "_value", "lens", "calibration", "options", "types", "plausibility", "shape"),
     *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road"),
-    *("draw", "formats", "estimate", "keypoints", "", "demo", "cli"),
+    *("draw", "formats", "estimate", "keypoints", "detector", "", "demo", "cli"),
     *(
         "lab",
         "lab.data",
@@ -103,7 +103,7 @@ IMPORTS = {name: set() if name == "_core" else imports(name) for name in FILES}
 
 def is_door(name: str, to: str) -> bool:
     if (name, to) in DOORS or (
-        name == "" and to.startswith("keypoints.")
+        name == "" and room(to) in ("keypoints", "detector")
     ):  # the front door opens its rooms late
         return True
     return room(name) == "cli" and name.removeprefix("cli.") in COMMANDS and room(to).startswith("lab")
