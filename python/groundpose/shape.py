@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from groundpose import _core
 from groundpose._checks import FloatArray, finite, input_error, integer, number, shaped, text, type_error
 from groundpose._value import Value
+from groundpose._writing import whole_file
 
 # Version of the .npz files; raised when a reader of the old version could not read the new one.
 FILE_VERSION = 1
@@ -244,7 +245,7 @@ class ShapeModel(Value):
         """Write the model to `path` (.npz, arrays and strings only)."""
         arrays = {key: array for key in ARRAYS if (array := getattr(self, key)) is not None}
         names = np.array(self.keypoint_names, dtype=np.str_)
-        with Path(path).open("wb") as file:  # np.savez would add a suffix to a bare path
+        with whole_file(path, "wb") as file:  # np.savez would add a suffix to a bare path
             np.savez(file, version=FILE_VERSION, name=self.name, keypoint_names=names, **arrays)
 
     @classmethod
