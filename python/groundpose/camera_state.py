@@ -6,7 +6,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from groundpose._checks import input_error, integer, number, regular_file, type_error
+from groundpose._checks import input_error, integer, number, type_error
 from groundpose._core import InputError
 from groundpose.detector.answers import Answer, Found
 from groundpose.detector.layouts import COCO, COCO_WITH_GAPS, Layout, known, layout_of
@@ -22,8 +22,6 @@ from groundpose.vehicles.words import numbered_name
 
 OVERLAP = 0.65
 """Intersection over union from which two boxes of a class are of one object."""
-MOST_SIDE = 8192
-"""Pixels of an input's side."""
 _FIRST_NUMBER = {None: 0, COCO: 0, COCO_WITH_GAPS: 1}
 """The number of COCO's first class by how many classes there are; None: the network does not say."""
 
@@ -71,11 +69,8 @@ class Detector:
             raise type_error("path", "a path", path)
         self._arguments = {"min_score": min_score, "names": names, "size": size}
         self._threads = threads
-        self.path = regular_file(path)
-        self._network = PictureNetwork(self.path, threads, None if size is None else _checked_size(size))
-        self.size, self.metadata = self._network.size, self._network.metadata
-        if max(self.size) > MOST_SIDE:
-            raise input_error(str(self.path), f"an input of at most {MOST_SIDE} pixels a side", self.size)
+        self._network = PictureNetwork(path, threads, None if size is None else _checked_size(size))
+        self.path, self.size, self.metadata = self._network.path, self._network.size, self._network.metadata
         self._names = self._network.names if names is None else _checked_names(names)
         self._layout = self._recognised()
         self.layout = self._layout.name

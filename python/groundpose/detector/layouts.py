@@ -70,13 +70,13 @@ def _has_anchors(answer: Answer) -> bool:
 
 
 def _has_cells(answer: Answer) -> bool:
-    return _are_rows(answer) and answer.strides(len(answer.table)) in CELLS
+    return bool(_are_rows(answer) and answer.strides(len(answer.table)) in CELLS)
 
 
 def _are_rows(answer: Answer) -> bool:
     """Of small inputs there may be as many cells as there are columns for COCO."""
     count, columns = answer.table.shape
-    return columns == 5 + COCO or (columns >= 6 and count != 4 + COCO)
+    return bool(columns == 5 + COCO or (columns >= 6 and count != 4 + COCO))
 
 
 def _is_sure_everywhere(answer: Answer) -> bool:

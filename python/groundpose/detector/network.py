@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,12 @@ from numpy.typing import NDArray
 from groundpose._checks import input_error, shape_text
 from groundpose.detector.answers import Answer
 from groundpose.detector.preparation import Size
-from groundpose.keypoints.network import _session
+from groundpose.keypoints.onnx import OnnxFile
 
 DEFAULT_SIZE = (640, 640)
 """Of an input whose size the file leaves open."""
+MOST_SIDE, MOST_BATCH = 8192, 64
+"""Pixels of a side of the input, and pictures at a time: more is a damaged file."""
 _TYPES: dict[str, type[np.generic]] = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
@@ -27,61 +30,58 @@ _TASKS = ("detect", "segment", "pose")
 
 
 class PictureNetwork:
-    """A network with one input of pictures (1, 3, height, width), run by onnxruntime.
+    """A network with one input of pictures (1, 3, height, width).
 
     Attributes:
         path: the file. size: width and height of the input. metadata: what the file says of itself.
         names: of its classes by number; empty if the file has none.
     """
 
-    def __init__(self, path: Path, threads: int | None, size: Size | None) -> None:
+    def __init__(self, path: str | PathLike[str], threads: int | None, size: Size | None) -> None:
         """Load it. Raises OSError, InputError: no network of pictures, or an input of another size."""
-        self.path = path
-        self._session = _session(path, threads)
-        self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
+        self._file = OnnxFile(path, threads)
+        self.path, self.metadata = self._file.path, self._file.metadata
         task = self.metadata.get("task", _TASKS[0])
         if task not in _TASKS:
-            raise input_error(str(path), "a detector of upright boxes", f"a network for {task!r}")
-        self.names = class_names_of(path, self.metadata.get("names"))
-        inputs = {given.name: given for given in self._session.get_inputs()}
-        self._picture = next((name for name, given in inputs.items() if len(given.shape) == 4), "")
+            self._file.fail("a detector of upright boxes", f"a network for {task!r}")
+        self.names = class_names_of(self.path, self.metadata.get("names"))
+        inputs = self._file.inputs
+        self._picture = next((name for name, shape in inputs.items() if len(shape) == 4), "")
         self._batch, self.size = self._shape(inputs.get(self._picture), size)
-        self._types = {name: self._type(given) for name, given in inputs.items()}
+        self._types = {name: self._type(name, kind) for name, kind in self._file.types.items()}
         for name in inputs.keys() - {self._picture, *_OTHERS}:
-            raise input_error(str(path), f"no input but a picture and {' or '.join(_OTHERS)}", name)
+            self._file.fail(f"no input but a picture and {' or '.join(_OTHERS)}", name)
 
-    def _type(self, given: Any) -> type[np.generic]:
-        if given.type not in _TYPES:
-            raise input_error(f"{self.path}: input {given.name}", " or ".join(_TYPES), given.type)
-        return _TYPES[given.type]
+    def _type(self, name: str, kind: str) -> type[np.generic]:
+        if kind not in _TYPES:
+            self._file.fail(" or ".join(_TYPES), kind, f"input {name}")
+        return _TYPES[kind]
 
-    def _shape(self, given: Any, size: Size | None) -> tuple[int, Size]:
+    def _shape(self, shape: tuple[Any, ...] | None, size: Size | None) -> tuple[int, Size]:
         """How many pictures it takes at a time, and their size."""
-        shape = [] if given is None else list(given.shape)
-        if not shape or (isinstance(shape[1], int) and shape[1] != 3):
-            got = "no picture" if given is None else shape_text(shape)
-            raise input_error(str(self.path), "an input (1, 3, height, width)", got)
+        if shape is None or (isinstance(shape[1], int) and shape[1] != 3):
+            self._file.fail(
+                "an input (1, 3, height, width)", "no picture" if shape is None else shape_text(shape)
+            )
         batch, _, height, width = (side if isinstance(side, int) and side > 0 else None for side in shape)
         stated = size or _stated_size(self.metadata.get("imgsz")) or DEFAULT_SIZE
         own = (width or stated[0], height or stated[1])
+        if max(own) > MOST_SIDE or (batch or 1) > MOST_BATCH:
+            expected = f"an input of at most {MOST_SIDE} pixels a side and {MOST_BATCH} pictures"
+            self._file.fail(expected, shape_text(shape))
         if size is not None and own != size:
             raise input_error("size", f"{own} as in {self.path}", size)
         return batch or 1, own
 
     def answer(self, picture: NDArray[np.float32]) -> Answer:
         """What it says of a prepared picture (1, 3, height, width). Raises InputError."""
-        pictures = np.repeat(picture, self._batch, axis=0)
-        feeds: dict[str, NDArray[Any]] = {self._picture: pictures.astype(self._types[self._picture])}
-        for name, make in _OTHERS.items():
-            if name in self._types:
-                feeds[name] = np.repeat(make(self.size), self._batch, axis=0).astype(self._types[name])
-        names = [output.name for output in self._session.get_outputs()]
-        try:
-            values = self._session.run(names, feeds)
-        except Exception as error:  # onnxruntime has its own class for each of a dozen kinds of failure
-            size = f"a picture of {self.size[0]} x {self.size[1]}"
-            raise input_error(str(self.path), f"a network that takes {size}", _first_line(error)) from None
-        outputs = {name: np.asarray(value) for name, value in zip(names, values, strict=True)}
+        feeds = {self._picture: picture} | {name: make(self.size) for name, make in _OTHERS.items()}
+        typed = {
+            name: np.repeat(feeds[name], self._batch, axis=0).astype(kind)
+            for name, kind in self._types.items()
+        }
+        names = list(self._file.outputs)
+        outputs = dict(zip(names, map(np.asarray, self._file.run(names, **typed)), strict=True))
         return Answer(outputs, self.size, len(self.names) or None)
 
 
@@ -97,10 +97,6 @@ def _pixel_mask(size: Size) -> NDArray[Any]:
 
 _OTHERS = {"orig_target_sizes": _target_sizes, "pixel_mask": _pixel_mask}
 """Inputs beside the picture."""
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]
 
 
 def class_names_of(path: Path, stated: str | None) -> dict[int, str]:

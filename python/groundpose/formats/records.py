@@ -24,8 +24,9 @@ def pose_record(
     """One JSON line: `{"id": ..., "objects": [{"id", "model", "status", "R", "t", "yaw", ...}]}`.
 
     The members of an object are the fields of `Pose` of the same names; NaN is null. `more` are further
-    members of the line and `each` of its objects, written before the pose. A view that was estimated from
-    the frame adds its numbers and remarks to the line, sizes and positions to the objects.
+    members of the line, after the frame's time if it has one, and `each` of its objects, written before the
+    pose. A view that was estimated from the frame adds its numbers and remarks to the line, sizes and
+    positions to the objects.
     """
     given, seen = more or {}, view_members(poses.view)
     more = {**given, **seen}
@@ -41,7 +42,8 @@ def pose_record(
         }
         for o, pose, extra in zip(frame.objects, poses, each, strict=True)
     ]
-    return json.dumps({"id": frame.id, **more, "objects": objects}, allow_nan=False)
+    time = {} if frame.time is None else {"time": frame.time}
+    return json.dumps({"id": frame.id, **time, **more, "objects": objects}, allow_nan=False)
 
 
 def tilt_members(view: View) -> dict[str, float]:
