@@ -66,7 +66,6 @@ class ImageWork:
     def __post_init__(self) -> None:
         """Find the images, read what is for all of them."""
         self.name = str(self.path)
-        self._remarks: dict[str, list[str]] = {}
         self._pictures = None if is_video(self.path) else pictures(self.path)
         #: None: only reading the video tells.
         self.total = None if self._pictures is None else len(self._pictures)
@@ -90,7 +89,7 @@ class ImageWork:
         return self.left_out.total() + self.boxes.skipped.total + self.no_vehicle
 
     def remarks(self) -> list[str]:
-        """What was left out, what held no vehicle, and what looks wrong: once for each kind."""
+        """What was left out, and what held no vehicle."""
         said = self.boxes.remarks()
         said += [f"left out: {count} x {reason}" for reason, count in self.left_out.most_common()]
         if self.left_out and not self.kept:
@@ -98,8 +97,6 @@ class ImageWork:
         said += [f"left out: {line}" for line in self.boxes.skipped.lines()]
         if self.no_vehicle:
             said.append(f"{self.no_vehicle} box{'es hold' if self.no_vehicle > 1 else ' holds'} no vehicle")
-        for first, *more in self._remarks.values():
-            said.append(first + (f" (and {len(more)} more {self.noun})" if more else ""))
         return said + self.mounting.remarks()
 
     def _done(self, shot: Shot) -> Result | InputError:
@@ -118,9 +115,7 @@ class ImageWork:
         self.kept += len(boxes)
         no_vehicle = int((poses.status == NOT_A_VEHICLE).sum())
         self.no_vehicle += no_vehicle
-        poses = replace(poses, input_remarks=(*found.remarks, *poses.input_remarks))
-        for remark in poses.input_remarks:
-            self._remarks.setdefault(remark.partition(":")[0], []).append(f"{path}: {remark}")
+        poses = replace(poses, box_remarks=found.remarks)
         return Result(_frame(shot, boxes, poses), poses, pixels, no_vehicle)
 
     def _keeps(self, box: Box) -> bool:
@@ -168,12 +163,13 @@ def _frame(shot: Shot, boxes: list[Box], poses: VehiclePoses) -> Frame:
             boxes, poses.classes.tolist(), poses, poses.keypoint_scores, strict=True
         )
     )
-    return Frame(shot.label, str(shot.path), poses.view, shot.path, objects, poses.models, shot.time)
+    place = str(shot.path) if shot.number is None else f"{shot.path}#{shot.name}"
+    return Frame(shot.label, place, poses.view, shot.path, objects, poses.models, shot.time)
 
 
 def vehicle_record(frame: Frame, poses: VehiclePoses) -> str:
-    """The JSON line of `formats.records.pose_record` with what the network found: image and tilt, and
-    remarks if there are any; of each object its box with the detector's score, the probabilities of a
+    """The JSON line of `formats.records.pose_record` with what the network found: image and tilt, of
+    each object its box with the detector's score, the probabilities of a
     vehicle and of its class, and its keypoints with their scores."""
     each = [
         {
@@ -188,8 +184,7 @@ def vehicle_record(frame: Frame, poses: VehiclePoses) -> str:
             frame.objects, poses.vehicle_probability, poses.class_probability, strict=True
         )
     ]
-    said = {"remarks": list(poses.input_remarks)} if poses.input_remarks else {}
-    return pose_record(frame, poses, {"image": str(frame.image), **tilt_members(poses.view), **said}, each)
+    return pose_record(frame, poses, {"image": str(frame.image), **tilt_members(poses.view)}, each)
 
 
 STYLE = Style(vehicle_record, lambda item: TYPE_OF.get(item.model, "Car"))
