@@ -104,12 +104,9 @@ def rotation_error_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 # Result arrays of a batch, for comparisons bit for bit.
-ARRAYS = tuple(
-    name
-    for name in gp.PoseBatch.__dataclass_fields__
-    if name
-    not in ("view", "tilt_covariance", "keypoints_2d", "bboxes", "models", "error_dof", "scale_covariance")
-)
+_OTHERS = {"view", "nominal_view", "nominal_tilt_sigma", "tilt_covariance", "error_dof", "scale_covariance"}
+_OTHERS |= {"keypoints_2d", "bboxes", "models"}
+ARRAYS = tuple(name for name in gp.PoseBatch.__dataclass_fields__ if name not in _OTHERS)
 
 
 def assert_same(a: gp.PoseBatch, b: gp.PoseBatch) -> None:
