@@ -49,7 +49,7 @@ def test_a_detector_instead_of_boxes(here):
         (item,) = line["objects"]
         np.testing.assert_allclose(item["bbox"], street(WIDE)[1], atol=5.0)
         assert item["detection_score"] == pytest.approx(0.9)
-    assert "detector: Detector('found.onnx', YOLOv8, YOLO11, 96 x 64, 3 classes)" in result.stderr
+    assert "detector: found.onnx: YOLOv8, YOLO11; 96 x 64; 3 classes" in result.stderr
 
 
 def test_classes_and_scores_of_a_detector(here):

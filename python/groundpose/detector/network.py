@@ -18,8 +18,8 @@ from groundpose.keypoints.onnx import OnnxFile
 
 DEFAULT_SIZE = (640, 640)
 """Of an input whose size the file leaves open."""
-MOST_SIDE, MOST_BATCH = 8192, 64
-"""Pixels of a side of the input, and pictures at a time: more is a damaged file."""
+MOST_SIDE, MOST_PIXELS = 8192, 2**24
+"""Of the input, in all pictures that it takes at a time: more is a damaged file."""
 _TYPES: dict[str, type[np.generic]] = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
@@ -66,8 +66,8 @@ class PictureNetwork:
         batch, _, height, width = (side if isinstance(side, int) and side > 0 else None for side in shape)
         stated = size or _stated_size(self.metadata.get("imgsz")) or DEFAULT_SIZE
         own = (width or stated[0], height or stated[1])
-        if max(own) > MOST_SIDE or (batch or 1) > MOST_BATCH:
-            expected = f"an input of at most {MOST_SIDE} pixels a side and {MOST_BATCH} pictures"
+        if max(own) > MOST_SIDE or own[0] * own[1] * (batch or 1) > MOST_PIXELS:
+            expected = f"an input of at most {MOST_SIDE} pixels a side, {MOST_PIXELS} in all"
             self._file.fail(expected, shape_text(shape))
         if size is not None and own != size:
             raise input_error("size", f"{own} as in {self.path}", size)
