@@ -58,15 +58,15 @@ class Options(Value):
             1, or the network's own in a `Pipeline`.
         keypoint_error_dof: degrees of freedom of Student's t of the errors of a pose, more than 2; few are
             heavy tails, see `PoseBatch.region`. None: infinite (Gaussian), or the network's own.
-        keypoint_error_shift: standard deviation of a shift in the image that all keypoints of an object share,
-            as a fraction of the longer side of its 2D box; it widens `covariance` across the ray. None: 0, or the
-            network's own.
+        keypoint_error_shift: standard deviation of a shift in the image that all keypoints of an object
+            share, as a fraction of the longer side of its 2D box; it widens `covariance` across the ray.
+            None: 0, or the network's own.
         keypoint_error_turn: the same for a turn about the ground's normal, radians. None: 0, or the network's
             own.
         probability_coefficients: of the logistic model of `probability`: a bias and one for each number of
             `evidence`; None: those for keypoints of the caller, with scores or without, or the network's own.
-        ambiguity_coefficients: bias and slope of the logit of `ambiguity` against that of what the viewing-angle
-            probabilities say; None: 0 and 1, or the network's own.
+        ambiguity_coefficients: bias and slope of the logit of `ambiguity` against that of what the
+            viewing-angle probabilities say; None: 0 and 1, or the network's own.
         min_probability: answers less probable to be right get the status "improbable", as do poses that
             look far smaller than their boxes; 0: none does; None: the network's own, or for keypoints of
             the caller 0.15 in the default refinement and 0 in the paper's.

@@ -102,7 +102,7 @@ class Answers:
         return right(self.seen["R"], self.seen["t"], self.R, self.t)
 
     def stated(self, factor: float, shift: float = 0.0, turn: float = 0.0) -> Stated:
-        """Errors and covariances for keypoint errors that are shared like this (`Options.keypoint_error_*`)."""
+        """Errors and covariances for keypoint errors shared like this (`Options.keypoint_error_*`)."""
         covariance = self.covariance + (factor - 1.0) * self.of_factor
         covariance += shift**2 * self.of_shift + turn**2 * self.of_turn
         return Stated(self.errors, covariance, self.t, self.up)

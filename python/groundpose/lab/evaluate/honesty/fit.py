@@ -59,8 +59,7 @@ def fit(answers: Answers, is_vehicle: Mask) -> Certainty:
 
 
 def covariance_numbers(right: Answers) -> Certainty:
-    """Error factor, shift, turn and degrees of freedom whose regions of right answers hold the truth as often as
-    wanted.
+    """Error factor, shift, turn and degrees of freedom whose regions hold the truth as often as wanted.
 
     Of all that bring each fraction inside, by `FITTED` and `WINDOWS`, as near to its window's middle as
     `GOOD_ENOUGH`, those with the smallest regions; where none do, those whose worst fraction is the nearest.
