@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -152,6 +153,13 @@ def finite(argument: str, array: FloatArray) -> FloatArray:
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         raise input_error(argument, "finite numbers", f"{array[index]} at {list(index)}")
     return array
+
+
+def radians(argument: str, degrees: float, limit: float) -> float:
+    """An angle in radians. Raises InputError, in degrees as it was given, from the limit on."""
+    if not -limit < degrees < limit:
+        raise input_error(argument, f"degrees between {-limit:g} and {limit:g}", f"{degrees:g}")
+    return math.radians(degrees)
 
 
 def regular_file(path: str | PathLike[str]) -> Path:

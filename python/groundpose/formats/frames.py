@@ -42,7 +42,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from groundpose._checks import FloatArray, input_error
+from groundpose._checks import FloatArray, input_error, radians
 from groundpose._core import InputError
 from groundpose.formats.fields import Field, parse
 from groundpose.lens import DEFAULT_LENS, LENSES, lens_name
@@ -54,6 +54,7 @@ BUNDLED = "bundled:"
 
 _CAMERA = ("fx", "fy", "cx", "cy", "distortion", "image_size", "lens")
 _NAMES = "keypoint_names"
+_LIMITS = {"pitch_deg": 90.0, "roll_deg": 180.0}
 OBJECT_MEMBERS = ("id", "model", "keypoints_2d", "keypoint_scores", "bbox", "truth")
 TILT_MEMBERS = ("pitch_deg", "roll_deg", "gravity", "camera_height")
 FRAME_MEMBERS = ("id", "camera", *TILT_MEMBERS, "image", "models", "objects")
@@ -192,17 +193,17 @@ def read_view(root: Field) -> View:
     """Camera and tilt of an object that has them as a frame does. Raises InputError."""
     camera = read_camera(root.need("camera"))
     gravity, height = root.get("gravity"), root.get("camera_height")
-    angles = [angle for name in ("pitch_deg", "roll_deg") if (angle := root.get(name))]
+    angles = {name: angle for name in _LIMITS if (angle := root.get(name))}
     metres = height.number() if height else None
     if gravity:
-        for angle in angles:
+        for angle in angles.values():
             angle.fail("gravity or angles", "both")
         down = gravity.numbers(3)
         with gravity.blamed():
             return View.from_gravity(camera, down, metres)
-    radians = {angle.path: math.radians(angle.number()) for angle in angles}
+    tilt = {name: radians(angle.where, angle.number(), _LIMITS[name]) for name, angle in angles.items()}
     with root.blamed():
-        return View(camera, radians.get("pitch_deg", 0.0), radians.get("roll_deg", 0.0), metres)
+        return View(camera, tilt.get("pitch_deg", 0.0), tilt.get("roll_deg", 0.0), metres)
 
 
 def read_camera(field: Field) -> Camera:
