@@ -11,6 +11,10 @@ from pathlib import Path
 import numpy as np
 
 
+_LAST = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
+"""With what a picture ends, as readers do without."""
+
+
 def halves(folder: Path) -> list[str]:
     """What is wrong with the files of a folder, a line each. Hidden files are a run's own notes: they are no
     results, and the next run takes them away."""
@@ -65,6 +69,8 @@ def _picture(path: Path) -> None:
 
     with Image.open(path) as picture:
         picture.load()
+    if not path.read_bytes().endswith(_LAST[path.suffix]):
+        raise ValueError("an end that is cut off")
 
 
 def _array(path: Path) -> None:
