@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-
 _LAST = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
 """With what a picture ends, as readers do without."""
 
@@ -74,11 +73,10 @@ def _picture(path: Path) -> None:
 
 
 def _array(path: Path) -> None:
-    found = np.load(path, allow_pickle=False)
-    if isinstance(found, np.lib.npyio.NpzFile):
-        with found:
-            for name in found.files:
-                found[name]
+    with path.open("rb") as stream:  # np.load leaves a damaged file open
+        found = np.load(stream, allow_pickle=False)
+        for name in getattr(found, "files", ()):
+            found[name]
 
 
 def _checkpoint(path: Path) -> None:
