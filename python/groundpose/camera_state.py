@@ -6,7 +6,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from groundpose import _core
 from groundpose._checks import FloatArray, input_error, read_text, type_error
 from groundpose._core import InputError
+from groundpose._writing import write_text
 from groundpose.frame import FramePriors, remarks
 from groundpose.sizes import ClassSize, SizePrior
 from groundpose.types import Camera, View
@@ -129,7 +129,7 @@ class CameraState:
             "mean": self._mean.tolist(),
             "covariance": self._covariance.tolist(),
         }
-        Path(path).write_text(json.dumps(content), encoding="utf-8")
+        write_text(path, json.dumps(content))
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> CameraState:

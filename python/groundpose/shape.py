@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +14,7 @@ from groundpose._checks import FloatArray, finite, input_error, integer, number,
 from groundpose._core import InputError
 from groundpose._npz import read_arrays
 from groundpose._value import Value
+from groundpose._writing import whole_file
 
 # Version of the .npz files; raised when a reader of the old version could not read the new one.
 FILE_VERSION = 1
@@ -246,7 +246,7 @@ class ShapeModel(Value):
         """Write the model to `path` (.npz, arrays and strings only)."""
         arrays = {key: array for key in ARRAYS if (array := getattr(self, key)) is not None}
         names = np.array(self.keypoint_names, dtype=np.str_)
-        with Path(path).open("wb") as file:  # np.savez would add a suffix to a bare path
+        with whole_file(path, "wb") as file:  # np.savez would add a suffix to a bare path
             np.savez(file, version=FILE_VERSION, name=self.name, keypoint_names=names, **arrays)
 
     @classmethod

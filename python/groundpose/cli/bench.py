@@ -9,6 +9,8 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from groundpose._writing import only_writer
+from groundpose.cli.destination import Inputs
 from groundpose.cli.output import complain, console, mistakes
 
 OUT = Path("groundpose_bench.json")
@@ -88,6 +90,9 @@ def _bench(
     picture = figure or out.with_suffix(".png")
     check_path(picture)
     before = None if compare is None else baseline.read(compare)  # a wrong name is refused before the wait
+    if compare is not None:
+        Inputs(compare).refuse(out, f"-o {out}: ")
+    out.parent.mkdir(parents=True, exist_ok=True)
     try:
         cases = chosen(only, instructions, native)
     except ValueError as error:
@@ -122,14 +127,15 @@ def _measured(out: Path, cases: list[Any], effort: Any, fresh: bool) -> dict[str
             progress.update(bar, completed=done, total=total, description=text)
 
         try:
-            return run(
-                out,
-                cases,
-                effort,
-                fresh=fresh,
-                advance=advance,
-                finished=lambda name, result: console().print(tell.result(name, result)),
-            )
+            with only_writer(out):
+                return run(
+                    out,
+                    cases,
+                    effort,
+                    fresh=fresh,
+                    advance=advance,
+                    finished=lambda name, result: console().print(tell.result(name, result)),
+                )
         except KeyboardInterrupt:
             complain(f"interrupted; what is finished is in {out}; the same command goes on")
             raise typer.Exit(130) from None

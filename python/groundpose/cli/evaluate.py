@@ -11,6 +11,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from groundpose.cli.destination import Inputs
 from groundpose.cli.evaluate_lab import (
     detector,
     distance,
@@ -167,6 +168,7 @@ def kitti(
             region=region,
             least_score=min_score,
         )
+        Inputs(root, tuple(path for path in (split, detections, network) if path)).refuse(out, f"-o {out}: ")
         found = None
         if boxes is Boxes.DETECTIONS:
             found = detections or root / "training" / "detections"
@@ -266,6 +268,7 @@ def figure6(
       groundpose evaluate figure6 --root KITTI --frame 000008 -o figure6.png
     """
     from groundpose.draw import check_path
+    from groundpose.draw.save import save_figure
     from groundpose.formats.kitti.dataset import KittiSet
     from groundpose.lab.evaluate.kitti.frame import Task
     from groundpose.lab.evaluate.kitti.run import Worker
@@ -275,7 +278,7 @@ def figure6(
         check_path(out)
         source, _ = _source(keypoints, network, Models.CLASS.value, seed)
         worker = Worker(KittiSet(root), Task(keypoints=keypoints.value), source)
-        draw(worker, frame).savefig(out, dpi=110)
+        save_figure(draw(worker, frame), out, 110)
     typer.echo(f"Picture: {out.resolve()}")
 
 

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from groundpose._core import InputError
+from groundpose._writing import write_text
 from groundpose.cli.output import console, mistakes
 from groundpose.cli.progress import bar, extra
 
@@ -184,7 +185,7 @@ def _train(trainer: Trainer, minutes: float | None) -> bool:
     name = trainer.config.network
     record = trainer.folder / "command.txt"
     if not record.exists():
-        record.write_text(" ".join(["groundpose", *sys.argv[1:]]) + "\n")
+        write_text(record, " ".join(["groundpose", *sys.argv[1:]]) + "\n")
     with bar() as shown:
         task = shown.add_task(name, total=trainer.steps, completed=trainer.step)
 

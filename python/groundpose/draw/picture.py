@@ -26,6 +26,7 @@ from groundpose.draw.colours import (
 )
 from groundpose.draw.lines import claimed
 from groundpose.draw.overlay import checked_image, draw_overlay
+from groundpose.draw.save import save_figure
 from groundpose.poses import PoseBatch
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def draw_poses(
         borderaxespad=0.5,
     )
     if path is not None:
-        figure.savefig(path, dpi=_DPI)
+        save_figure(figure, path, _DPI)
     return figure
 
 

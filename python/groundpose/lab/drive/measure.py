@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from groundpose._checks import FloatArray
+from groundpose._writing import write_text
 from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.ego import FRAMES_PER_DRIVE
 from groundpose.lab.drive.labels import VISIBLE, labels
@@ -142,7 +143,7 @@ def main() -> None:
     given = parser.parse_args()
     result = measure(given.objects, given.seed, given.split, given.jobs)
     given.out.parent.mkdir(parents=True, exist_ok=True)
-    given.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_text(given.out, json.dumps(result, indent=1) + "\n")
     print(f"{result['objects']} objects, {result['objects_per_second']} a second: {given.out}")
 
 

@@ -11,6 +11,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import only_writer
 from groundpose.lab import timing
 from groundpose.lab.contenders.polish import solve_all
 from groundpose.lab.contenders.use import batched
@@ -97,8 +98,25 @@ def run(
 ) -> Store:
     """Measure what is missing of an experiment and store it after every task, in `jobs` processes.
 
-    `fresh` measures finished methods again, those of `methods` only.
+    `fresh` measures finished methods again, those of `methods` only. Raises InputError when another run
+    writes into the folder.
     """
+    folder.mkdir(parents=True, exist_ok=True)
+    with only_writer(folder):
+        return _run(experiment, trials, seed, folder, methods, jobs, fresh, advance)
+
+
+def _run(
+    experiment: str,
+    trials: int,
+    seed: int,
+    folder: Path,
+    methods: list[str] | None,
+    jobs: int,
+    fresh: bool,
+    advance: Advance,
+) -> Store:
+    """In a folder that is ours alone."""
     store = Store.open(folder, experiment, trials, seed)
     wanted = select(experiment, methods)
     if fresh:

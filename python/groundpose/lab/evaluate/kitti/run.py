@@ -13,6 +13,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import only_writer, write_text
 from groundpose.formats.kitti.dataset import KittiFrames
 from groundpose.formats.kitti.labels import KittiLabel
 from groundpose.formats.kitti.results import format_result
@@ -67,7 +68,7 @@ class Worker:
         for name, results in answers.items():
             path = self.export / name / "data" / f"{frame_id}.txt"
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text("".join(map(format_result, results)), encoding="utf-8")
+            write_text(path, "".join(map(format_result, results)), sync=False)
 
 
 def run(
@@ -93,11 +94,27 @@ def run(
         limit: only so many frames.
         advance: called after every frame.
 
-    Raises OSError, InputError (no such folder, another run's file).
+    Raises OSError, InputError (no such folder, another run's file, another run that writes there).
     """
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with only_writer(out):
+        return _run(worker, out, split, settings or {}, jobs, fresh, limit, advance)
+
+
+def _run(
+    worker: Worker,
+    out: Path,
+    split: Path | None,
+    settings: dict[str, Any],
+    jobs: int,
+    fresh: bool,
+    limit: int | None,
+    advance: Advance | None,
+) -> tuple[dict[str, Any], Collected]:
+    """Into a file that is ours alone."""
     before = Skips()
     ids = worker.folder.ids(split, before)[:limit]
-    stored = {**worker.task.settings, **(settings or {}), "root": str(worker.folder.root)}
+    stored = {**worker.task.settings, **settings, "root": str(worker.folder.root)}
     stored["columns"] = [*LABEL_COLUMNS, *ERROR_COLUMNS]  # another version's frames are others
     store = Store.open(out.with_suffix(".frames.jsonl"), stored, fresh)
     try:
