@@ -12,18 +12,8 @@ PACKAGE = Path(groundpose.__file__).parent
 
 # From the ground to the roof. A room is a file or a folder of the package; "" is `groundpose` itself.
 ROOMS = (
-    *(
-        "_core",
-        "_checks",
-        "_writing",
-        "_value",
-        "lens",
-        "calibration",
-        "options",
-        "types",
-        "plausibility",
-        "shape",
-    ),
+    *("_core", "_checks", "_npz", "_writing", "_value", "lens", "calibration", "options", "types"),
+    *("plausibility", "shape"),
     *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road"),
     *("draw", "formats", "estimate", "keypoints", "", "demo", "cli"),
     *(

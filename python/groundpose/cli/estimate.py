@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from groundpose._checks import radians
+from groundpose._checks import blamed, radians
 from groundpose._core import InputError
 from groundpose.cli.asked import asked
 from groundpose.cli.cameras import CameraChoice
@@ -331,9 +331,11 @@ class _FrameWork:
             if number in self.finished:  # read all the same: later lines know its models
                 yield None
                 continue
-            try:
-                if isinstance(frame, InputError):
-                    raise frame
+            yield frame if isinstance(frame, InputError) else self._done(frame)
+
+    def _done(self, frame: Frame) -> Result | InputError:
+        try:
+            with blamed(frame.place):
                 tilted = replace(frame, view=self.mounting.of(frame.view))
                 poses = estimate_poses(
                     **tilted.arguments,
@@ -341,10 +343,9 @@ class _FrameWork:
                     threads=self.threads,
                     **self.mounting.arguments(tilted.view),
                 )
-            except InputError as error:
-                yield error
-            else:
-                yield Result(tilted, poses)
+        except InputError as error:
+            return error
+        return Result(tilted, poses)
 
     def remarks(self) -> list[str]:
         return self.mounting.remarks()

@@ -42,7 +42,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from groundpose._checks import FloatArray, input_error, radians
+from groundpose._checks import FloatArray, blamed, input_error, radians
 from groundpose._core import InputError
 from groundpose.formats.fields import Field, parse
 from groundpose.lens import DEFAULT_LENS, LENSES, lens_name
@@ -138,10 +138,13 @@ class FrameSource:
         models: dict[str, ShapeModel] = {}
         for number, text in self._texts():
             place = f"{self.name}:{number}" if self.lines else self.name
+            frame: Frame | InputError
             try:
-                yield read_frame(parse(text, place), self.folder, models, default_id=number - 1)
+                with blamed(place):
+                    frame = read_frame(parse(text, place), self.folder, models, default_id=number - 1)
             except InputError as error:
-                yield error
+                frame = error
+            yield frame
 
     def _texts(self) -> Iterator[tuple[int, str]]:
         if self.lines:
@@ -233,7 +236,8 @@ def _model(field: Field, folder: Path) -> ShapeModel:
             with field.blamed():
                 return shape_model(field.value.removeprefix(BUNDLED))
         try:
-            return ShapeModel.load(folder / field.value)
+            with field.blamed():
+                return ShapeModel.load(folder / field.value)
         except OSError as error:
             field.fail("a file written by ShapeModel.save", f"{field.value}: {error.strerror}")
     field.members((*ARRAYS, _NAMES))
@@ -247,7 +251,8 @@ def _model(field: Field, folder: Path) -> ShapeModel:
 
 def model_members(model: ShapeModel) -> dict[str, Any]:
     """A model as frames have it, without its name, under which it stands in `models`."""
-    arrays = {name: array.tolist() for name in ARRAYS if (array := getattr(model, name)) is not None}
+    given = {name: getattr(model, name) for name in ARRAYS}
+    arrays = {name: a.tolist() for name, a in given.items() if a is not None and len(a)}
     return arrays | ({_NAMES: list(model.keypoint_names)} if model.keypoint_names else {})
 
 
