@@ -102,7 +102,8 @@ def everything() -> set[str]:
 
 def test_one_image_gives_its_line_and_its_picture(street, model):
     result = estimate(model, "--calib", "camera.json", "-o", "o.jsonl")
-    assert (result.exit_code, result.stderr, result.stdout) == (0, "", "")
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert result.stderr.startswith("1 image, 1 vehicle, 1 pose, o.jsonl, ")
     (line,) = lines("o.jsonl")
     assert (line["id"], line["image"]) == ("street", "street.png")
     assert line["pitch_deg"] == pytest.approx(CALIBRATION["pitch_deg"])
@@ -202,7 +203,8 @@ def test_a_folder_loses_only_what_is_bad(drive, model, undrawn):
         ("000003", 2),
     ]
     assert {path.name for path in Path("out").glob("*.png")} == {f"00000{i}_poses.png" for i in (0, 1, 3)}
-    errors = result.stderr.splitlines()
+    *errors, summary = result.stderr.splitlines()
+    assert summary.startswith("3 images, 6 vehicles, 6 poses, out/poses.jsonl, ")
     assert errors == [
         "error: images/000002.png: expected a picture, got another kind of file",
         "error: boxes: expected a file 000009.*, got none",

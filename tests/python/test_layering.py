@@ -12,13 +12,15 @@ PACKAGE = Path(groundpose.__file__).parent
 
 # From the ground to the roof. A room is a file or a folder of the package; "" is `groundpose` itself.
 ROOMS = (
-    *("_core", "_checks", "_value", "lens", "calibration", "options", "types", "plausibility", "shape"),
+    *("_core", "_checks", "_npz", "_writing", "_value", "lens", "calibration", "options", "types"),
+    *("plausibility", "shape"),
     *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road"),
     *("draw", "formats", "estimate", "keypoints", "", "demo", "cli"),
     *(
         "lab",
         "lab.data",
         "lab.metrics",
+        "lab.processes",
         "lab.timing",
         "lab.targets",
         "lab.bodies",

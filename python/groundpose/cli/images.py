@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose._checks import input_error
+from groundpose._checks import blamed, input_error
 from groundpose._core import InputError
 from groundpose.cli.cameras import CameraChoice
-from groundpose.cli.inputs import PICTURES, companion, frame_companion, is_video, pictures, video
-from groundpose.cli.output import Style
+from groundpose.cli.inputs import companion, frame_companion, is_video, pictures, video
+from groundpose.cli.results import Style
 from groundpose.cli.run import Mounting, Result
 from groundpose.formats.boxes import ANY, Box, Boxes, BoxFile, read_boxes
 from groundpose.formats.frames import Frame, FrameObject
@@ -46,6 +46,7 @@ class ImageWork:
         skipped: entries of the files of boxes that are no boxes.
         kept: how many boxes were looked at.
         no_vehicle: how many boxes hold no vehicle.
+        finished: numbers of the images that an interrupted run has finished.
 
     Raises:
         OSError: no such file. InputError: a folder without pictures, a file that no format suits.
@@ -62,6 +63,7 @@ class ImageWork:
     skipped: Skips = field(default_factory=Skips)
     kept: int = 0
     no_vehicle: int = 0
+    finished: Container[int] = ()
     noun = "images"
 
     def __post_init__(self) -> None:
@@ -81,14 +83,20 @@ class ImageWork:
         if not self.camera.is_given and self._boxes and not any(b.view for b in self._boxes.images.values()):
             raise _no_camera(self.name)
 
-    def __iter__(self) -> Iterator[Result | InputError]:
+    def __iter__(self) -> Iterator[Result | InputError | None]:
         """Images in order; a bad one gives its error and the next one goes on."""
         if self._pictures is None:
             for number, image in enumerate(video(self.path)):
-                yield self._done(number, f"{number:06d}", self.path, image, number)
+                done = number in self.finished
+                yield None if done else self._done(number, f"{number:06d}", self.path, image, number)
         else:
-            for label, path in self._pictures:
-                yield self._done(label, path.name, path)
+            for number, (label, path) in enumerate(self._pictures):
+                yield None if number in self.finished else self._done(label, path.name, path)
+
+    @property
+    def passed_over(self) -> int:
+        """How many boxes were left out or hold no vehicle."""
+        return self.left_out.total() + self.skipped.total + self.no_vehicle
 
     def remarks(self) -> list[str]:
         """What was left out, what held no vehicle, and what looks wrong: once for each kind."""
@@ -113,22 +121,22 @@ class ImageWork:
         """The poses of one image, or what is wrong with it; `name` is what boxes may call it, `number` that
         of a video's frame."""
         try:
-            pixels = as_rgb(path, self.exif) if image is None else as_rgb(image)
-            size = (pixels.shape[1], pixels.shape[0])
-            found = self._boxes_of(name, number, size)
-            view = self._view_of(name, found, size)
-            boxes = [box for box in found.boxes if self._keeps(box)]
-            poses = self._poses(path, pixels, boxes, view)
+            with blamed(path):
+                pixels = as_rgb(path, self.exif) if image is None else as_rgb(image)
+                size = (pixels.shape[1], pixels.shape[0])
+                found = self._boxes_of(name, number, size)
+                view = self._view_of(name, found, size)
+                boxes = [box for box in found.boxes if self._keeps(box)]
+                poses = self._poses(path, pixels, boxes, view)
         except InputError as error:
             return error
-        except OSError as error:
-            return InputError(f"{error.filename or path}: {error.strerror or error}")
         self.kept += len(boxes)
-        self.no_vehicle += int((poses.status == NOT_A_VEHICLE).sum())
+        no_vehicle = int((poses.status == NOT_A_VEHICLE).sum())
+        self.no_vehicle += no_vehicle
         poses = replace(poses, input_remarks=(*found.remarks, *poses.input_remarks))
         for remark in poses.input_remarks:
             self._remarks.setdefault(remark.partition(":")[0], []).append(f"{path}: {remark}")
-        return Result(_frame(label, path, boxes, poses), poses, pixels)
+        return Result(_frame(label, path, boxes, poses), poses, pixels, no_vehicle)
 
     def _keeps(self, box: Box) -> bool:
         """Whether a box is taken; else the reason is counted."""
@@ -230,23 +238,3 @@ def vehicle_record(frame: Frame, poses: VehiclePoses) -> str:
 
 STYLE = Style(vehicle_record, lambda item: TYPE_OF.get(item.model, "Car"))
 """Of images: KITTI's text has KITTI's classes."""
-
-_LINES = {"jsonl": ".jsonl", "kitti": ".txt", "table": ".txt"}
-
-
-def destinations(out: Path | None, form: str, several: bool) -> tuple[Path | None, Path | None]:
-    """Where lines and pictures of images go for `-o out`.
-
-    A folder (made if it is new) takes both. A file of lines has its picture (several: a folder of them)
-    beside it under the same name, and a picture its lines.
-    """
-    if out is None:
-        return None, None
-    suffix = out.suffix.lower()
-    if out.is_dir() or not suffix:
-        out.mkdir(parents=True, exist_ok=True)
-        folder_of_texts = form == "kitti" and several
-        return out if folder_of_texts else out / f"poses{_LINES[form]}", out / "{id}_poses.png"
-    if suffix in PICTURES | {".svg", ".pdf"}:
-        return out.with_suffix(_LINES[form]), out
-    return out, out.with_suffix("") / "{id}_poses.png" if several else out.with_suffix(".png")

@@ -50,6 +50,8 @@ def as_rgb(image: Picture, exif: bool = True) -> ByteArray:
         return _opened(io.BytesIO(image), "image", exif)
     if isinstance(image, Image.Image):
         return _converted(image, "image", exif)
+    if isinstance(image, np.ma.MaskedArray):
+        raise type_error("image", f"{_WANTED}, not a masked one", image)
     if isinstance(image, np.ndarray):
         return _checked(image)
     if callable(getattr(image, "read", None)):
