@@ -21,6 +21,15 @@ pub(crate) const COLLAPSED: f64 = 0.1;
 /// Sides of a 2D box this close to the image border, pixels, are cut by it. Chosen by hand.
 pub(crate) const BORDER_PX: f64 = 1.5;
 
+// Wide lenses.
+
+/// Estimates of an object at most: the sides of its 2D box become planes by the pose of the one before. Two settle all but
+/// objects beside the camera. Chosen by hand.
+pub(crate) const WIDE_PASSES: usize = 3;
+/// The sides are settled when none moves by more than this, in inlier thresholds: a tenth of what a side is worth. Chosen
+/// by hand.
+pub(crate) const SIDES_SETTLED: f64 = 0.2;
+
 // The search.
 
 /// Corners of the 3D box may lie outside the planes of the box sides by this fraction of the keypoint's distance: 3 %

@@ -9,7 +9,7 @@
 //! \end{aligned}
 //! ```
 
-use crate::geometry::lens::{Distorted, LensModel, newton};
+use crate::geometry::lens::{Distorted, LensModel, PlaneModel, newton};
 
 /// Coefficients `k1, k2, p1, p2, k3`, in OpenCV's order.
 ///
@@ -69,6 +69,12 @@ impl LensModel for BrownConrady {
         &self.coefficients
     }
 
+    fn is_ideal(&self) -> bool {
+        self.coefficients.iter().all(|&c| c == 0.0)
+    }
+}
+
+impl PlaneModel for BrownConrady {
     fn distort(&self, point: [f64; 2]) -> [f64; 2] {
         self.at(point).point
     }

@@ -17,7 +17,7 @@
 //! R \begin{bmatrix} x'' \\ y'' \\ 1 \end{bmatrix} .
 //! ```
 
-use crate::geometry::lens::{Distorted, LensModel, newton};
+use crate::geometry::lens::{Distorted, LensModel, PlaneModel, newton};
 use crate::geometry::math::{cos, sin};
 
 /// Coefficients `k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y`, in OpenCV's order.
@@ -123,6 +123,12 @@ impl LensModel for Rational {
         &self.coefficients
     }
 
+    fn is_ideal(&self) -> bool {
+        self.coefficients.iter().all(|&c| c == 0.0)
+    }
+}
+
+impl PlaneModel for Rational {
     fn distort(&self, point: [f64; 2]) -> [f64; 2] {
         self.at(point).point
     }
