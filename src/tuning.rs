@@ -23,12 +23,9 @@ pub(crate) const BORDER_PX: f64 = 1.5;
 
 // Wide lenses.
 
-/// Estimates of an object at most: the sides of its 2D box become planes by the pose of the one before. Two settle all but
-/// objects beside the camera. Chosen by hand.
-pub(crate) const WIDE_PASSES: usize = 3;
-/// The sides are settled when none moves by more than this, in inlier thresholds: a tenth of what a side is worth. Chosen
-/// by hand.
-pub(crate) const SIDES_SETTLED: f64 = 0.2;
+/// The sides of a 2D box are as good as they get when the pose moves none of them by more than this, in standard deviations
+/// of a side or inlier thresholds, whichever are smaller. Chosen by hand.
+pub(crate) const SIDES_SETTLED: f64 = 0.1;
 
 // The search.
 

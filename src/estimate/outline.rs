@@ -2,13 +2,11 @@
 
 use nalgebra::Vector3;
 
+use crate::geometry::footprint::MAX_CORNERS;
 use crate::geometry::math::square;
 use crate::model::shape_model::ShapeModel;
 
-/// Points of an edge, its ends included.
-const SAMPLES: usize = 5;
-
-/// The edges of the prism of a shape, object frame, metres.
+/// The prism of a shape, object frame, metres.
 pub(crate) struct Outline<'a> {
     model: &'a ShapeModel<'a>,
     bbox_3d: [[f64; 3]; 2],
@@ -19,21 +17,10 @@ impl<'a> Outline<'a> {
         Self { model, bbox_3d: model.bbox_3d_of(coefficients) }
     }
 
-    /// Corner `k` of the footprint at the height of the top (0) or the bottom (1).
-    fn corner(&self, k: usize, height: usize) -> Vector3<f64> {
-        let corners = self.model.footprint().corners();
-        let [x, z] = corners[k % corners.len()];
-        let along = |axis: usize, value: f64| {
-            let (factor, offset) = self.model.footprint_stretch(&self.bbox_3d, axis);
-            factor * value + offset
-        };
-        Vector3::new(along(0, x), self.bbox_3d[height][1], along(2, z))
-    }
-
     /// Left, top, right and bottom in a picture that shows straight edges straight; `None` where a corner is not shown.
     pub(crate) fn extent_of_corners(&self, shown: impl Fn(&Vector3<f64>) -> Option<[f64; 2]>) -> Option<[f64; 4]> {
         let mut extent = Extent::NONE;
-        for k in 0..self.model.footprint().corners().len() {
+        for k in 0..self.count() {
             for height in 0..2 {
                 extent.add(shown(&self.corner(k, height))?);
             }
@@ -41,24 +28,36 @@ impl<'a> Outline<'a> {
         Some(extent.0)
     }
 
-    /// The same in a picture that bends them; `None` where a part of an edge is not shown.
+    /// The same in a picture that bends them, each taken as a parabola; `None` where a part of an edge is not shown.
     pub(crate) fn extent_of_edges(&self, shown: impl Fn(&Vector3<f64>) -> Option<[f64; 2]>) -> Option<[f64; 4]> {
+        let (count, mut corners) = (self.count(), [[[0.0; 2]; 2]; MAX_CORNERS]);
+        for (k, pair) in corners[..count].iter_mut().enumerate() {
+            *pair = [shown(&self.corner(k, 0))?, shown(&self.corner(k, 1))?];
+        }
         let mut extent = Extent::NONE;
-        for k in 0..self.model.footprint().corners().len() {
-            let ends = [
-                [self.corner(k, 0), self.corner(k + 1, 0)],
-                [self.corner(k, 1), self.corner(k + 1, 1)],
-                [self.corner(k, 0), self.corner(k, 1)],
-            ];
-            for [from, to] in ends {
-                let mut points = [[0.0; 2]; SAMPLES];
-                for (i, point) in points.iter_mut().enumerate() {
-                    *point = shown(&from.lerp(&to, i as f64 / (SAMPLES - 1) as f64))?;
-                }
-                extent.add_curve(&points);
+        for k in 0..count {
+            let next = (k + 1) % count;
+            // Along the top, along the bottom, down from the top.
+            for [(from, above), (to, below)] in [[(k, 0), (next, 0)], [(k, 1), (next, 1)], [(k, 0), (k, 1)]] {
+                let middle = self.corner(from, above).lerp(&self.corner(to, below), 0.5);
+                extent.add_parabola([corners[from][above], shown(&middle)?, corners[to][below]]);
             }
         }
         Some(extent.0)
+    }
+
+    fn count(&self) -> usize {
+        self.model.footprint().corners().len()
+    }
+
+    /// Corner `k` of the footprint at the height of the top (0) or the bottom (1).
+    fn corner(&self, k: usize, height: usize) -> Vector3<f64> {
+        let [x, z] = self.model.footprint().corners()[k];
+        let stretched = |axis: usize, value: f64| {
+            let (factor, offset) = self.model.footprint_stretch(&self.bbox_3d, axis);
+            factor * value + offset
+        };
+        Vector3::new(stretched(0, x), self.bbox_3d[height][1], stretched(2, z))
     }
 }
 
@@ -73,17 +72,16 @@ impl Extent {
         self.0 = [left.min(u), top.min(v), right.max(u), bottom.max(v)];
     }
 
-    /// A smooth curve through points: between three of them, the middle one outermost, it is a parabola.
-    fn add_curve(&mut self, points: &[[f64; 2]; SAMPLES]) {
-        points.iter().for_each(|&point| self.add(point));
+    /// A curve through two ends and the point between them.
+    fn add_parabola(&mut self, points: [[f64; 2]; 3]) {
+        points.into_iter().for_each(|point| self.add(point));
         for axis in 0..2 {
-            for three in points.windows(3) {
-                let [a, b, c] = [three[0][axis], three[1][axis], three[2][axis]];
-                if (b - a) * (b - c) > 0.0 {
-                    let vertex = b - square(c - a) / (8.0 * (a - 2.0 * b + c));
-                    self.0[axis] = self.0[axis].min(vertex);
-                    self.0[axis + 2] = self.0[axis + 2].max(vertex);
-                }
+            let [from, middle, to] = points.map(|point| point[axis]);
+            // It turns back between the ends.
+            if (to - from).abs() < 2.0 * (from - 2.0 * middle + to).abs() {
+                let vertex = middle - square(to - from) / (8.0 * (from - 2.0 * middle + to));
+                self.0[axis] = self.0[axis].min(vertex);
+                self.0[axis + 2] = self.0[axis + 2].max(vertex);
             }
         }
     }

@@ -20,7 +20,7 @@ use crate::geometry::local_view::LocalView;
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
 use crate::refine::covariance::PoseCovariance;
-use crate::tuning::{SIDES_SETTLED, WIDE_PASSES};
+use crate::tuning::SIDES_SETTLED;
 
 /// The pose of what is seen through a wide lens. A call of its own: its variables are no part of the stack of others.
 ///
@@ -47,20 +47,13 @@ pub(crate) fn estimate_wide(
     let mut pass = |bbox: Option<Bbox>| {
         estimate_ideal(&local.view, &observation.seen_ideally(pixels, bbox), options, index, buffers.lend())
     };
-    let mut sides = given.map(|given| local.bbox(camera, given));
+    let sides = given.map(|given| local.bbox(camera, given));
     let mut estimate = pass(sides)?;
-    for _ in 1..WIDE_PASSES {
-        let (Some(given), Some(before)) = (given, sides) else { break };
-        let Some(touching) = touching_sides(camera, &local, observation, &estimate, given) else { break };
-        if farthest_move(&before, &touching) <= SIDES_SETTLED * estimate.inlier_threshold {
-            break;
-        }
-        let Ok(next) = pass(Some(touching)) else {
-            // What the first sides found is still an answer; once more for its residuals.
-            estimate = pass(sides)?;
-            break;
-        };
-        (estimate, sides) = (next, Some(touching));
+    let touching = given.and_then(|given| touching_sides(camera, &local, observation, &estimate, given));
+    let worth = options.effective_bbox_sigma(estimate.inlier_threshold).min(estimate.inlier_threshold);
+    if farthest_move(sides, touching) > SIDES_SETTLED * worth {
+        // What the first sides found is still an answer; then it is found once more for its residuals.
+        estimate = pass(touching).or_else(|_| pass(sides))?;
     }
     turn_to_camera(&mut estimate, &local);
     Ok(estimate)
@@ -68,18 +61,24 @@ pub(crate) fn estimate_wide(
 
 /// The view that faces the middle of the 2D box; of the keypoints, where sides are unknown or the lens shows nothing there.
 fn facing(view: &View, observation: &Observation) -> Option<LocalView> {
+    let middle = observation.bbox().map_or([f64::NAN; 2], |bbox| bbox.middle());
+    LocalView::facing(view, middle).or_else(|| {
+        let of_keypoints = middle_of_keypoints(&view.camera, observation);
+        let known = |axis: usize| if middle[axis].is_nan() { of_keypoints[axis] } else { middle[axis] };
+        LocalView::facing(view, [known(0), known(1)]).or_else(|| LocalView::facing(view, of_keypoints))
+    })
+}
+
+/// Mean of the keypoints that the lens shows; not numbers without any.
+fn middle_of_keypoints(camera: &Camera, observation: &Observation) -> [f64; 2] {
     let (mut sum, mut count) = ([0.0; 2], 0.0);
     for (i, &[u, v]) in observation.keypoints_2d().iter().enumerate() {
-        if observation.is_visible(i) && view.camera.direction_of([u, v]).is_some() {
+        if observation.is_visible(i) && camera.direction_of([u, v]).is_some() {
             sum = [sum[0] + u, sum[1] + v];
             count += 1.0;
         }
     }
-    let of_keypoints = sum.map(|x| x / count);
-    let Some(bbox) = observation.bbox() else { return LocalView::facing(view, of_keypoints) };
-    let middle = [0.5 * (bbox.left + bbox.right), 0.5 * (bbox.top + bbox.bottom)];
-    let known = |axis: usize| if middle[axis].is_nan() { of_keypoints[axis] } else { middle[axis] };
-    LocalView::facing(view, [known(0), known(1)]).or_else(|| LocalView::facing(view, of_keypoints))
+    sum.map(|x| x / count)
 }
 
 /// Sides of a box in a local view such that the 3D box of a pose touches them there where it touches the given sides
@@ -105,7 +104,8 @@ fn touching_sides(
 }
 
 /// Pixels; unknown sides do not move.
-fn farthest_move(from: &Bbox, to: &Bbox) -> f64 {
+fn farthest_move(from: Option<Bbox>, to: Option<Bbox>) -> f64 {
+    let (Some(from), Some(to)) = (from, to) else { return 0.0 };
     let moves = [to.left - from.left, to.top - from.top, to.right - from.right, to.bottom - from.bottom];
     moves.iter().fold(0.0, |most, x| x.abs().max(most))
 }

@@ -49,13 +49,14 @@ impl Bbox {
         longer.is_finite().then_some(longer)
     }
 
+    /// Column and row of its middle; NaN where a side is not known.
+    pub(crate) fn middle(&self) -> [f64; 2] {
+        [0.5 * (self.left + self.right), 0.5 * (self.top + self.bottom)]
+    }
+
     /// The box after each side moved as its middle does; a side whose middle goes nowhere becomes unknown. `fallback`:
     /// where a middle is taken to be along an axis of which no side is known.
-    pub(crate) fn moved_by_middles(
-        &self,
-        fallback: [f64; 2],
-        moved: impl Fn([f64; 2]) -> Option<[f64; 2]>,
-    ) -> Self {
+    pub(crate) fn moved_by_middles(&self, fallback: [f64; 2], moved: impl Fn([f64; 2]) -> Option<[f64; 2]>) -> Self {
         // An unknown side does not tell where the middle of its neighbours is: theirs is taken at the other end.
         let middle = |a: f64, b: f64, fallback: f64| {
             let m = 0.5 * (a + b);

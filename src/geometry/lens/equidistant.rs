@@ -89,7 +89,7 @@ impl Equidistant {
             *(if value < distance { &mut low } else { &mut high }) = theta;
             let newton = theta - (value - distance) / slope;
             let next = if low < newton && newton < high { newton } else { 0.5 * (low + high) };
-            if next == theta || (next - theta).abs() < 1e-16 * (1.0 + theta) {
+            if (next - theta).abs() < f64::EPSILON * (1.0 + theta) {
                 return Some(next);
             }
             theta = next;
