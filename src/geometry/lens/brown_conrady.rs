@@ -9,7 +9,7 @@
 //! \end{aligned}
 //! ```
 
-use crate::geometry::lens::{Distorted, LensModel, PlaneModel, newton};
+use crate::geometry::lens::{Distorted, LensModel, PlaneModel};
 
 /// Coefficients `k1, k2, p1, p2, k3`, in OpenCV's order.
 ///
@@ -39,25 +39,6 @@ impl BrownConrady {
     pub const fn new(coefficients: [f64; 5]) -> Self {
         Self { coefficients }
     }
-
-    fn at(&self, [x, y]: [f64; 2]) -> Distorted {
-        let [k1, k2, p1, p2, k3] = self.coefficients;
-        let r2 = x * x + y * y;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        let slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
-        let point = [
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ];
-        let mixed = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y;
-        let jacobian = [
-            radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
-            mixed,
-            mixed,
-            radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
-        ];
-        Distorted { point, jacobian }
-    }
 }
 
 impl LensModel for BrownConrady {
@@ -75,11 +56,22 @@ impl LensModel for BrownConrady {
 }
 
 impl PlaneModel for BrownConrady {
-    fn distort(&self, point: [f64; 2]) -> [f64; 2] {
-        self.at(point).point
-    }
-
-    fn undistort(&self, target: [f64; 2]) -> Option<[f64; 2]> {
-        newton(target, |point| self.at(point))
+    fn at(&self, [x, y]: [f64; 2]) -> Distorted {
+        let [k1, k2, p1, p2, k3] = self.coefficients;
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
+        let point = [
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ];
+        let mixed = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y;
+        let jacobian = [
+            radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
+            mixed,
+            mixed,
+            radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
+        ];
+        Distorted { point, jacobian }
     }
 }

@@ -71,11 +71,18 @@ pub(crate) trait LensModel {
 
 /// A model of normalised points.
 pub(crate) trait PlaneModel: LensModel {
+    /// Where the lens puts a normalised point, with the derivatives.
+    fn at(&self, point: [f64; 2]) -> Distorted;
+
     /// Where the lens puts a normalised point.
-    fn distort(&self, point: [f64; 2]) -> [f64; 2];
+    fn distort(&self, point: [f64; 2]) -> [f64; 2] {
+        self.at(point).point
+    }
 
     /// The normalised point that the lens puts at `target`; `None` where there is none.
-    fn undistort(&self, target: [f64; 2]) -> Option<[f64; 2]>;
+    fn undistort(&self, target: [f64; 2]) -> Option<[f64; 2]> {
+        newton(target, |point| self.at(point))
+    }
 }
 
 /// A model of directions.
@@ -111,8 +118,8 @@ const SMALLEST_DETERMINANT: f64 = 1e-6;
 const SMALLEST_STEP: f64 = 1e-14;
 /// An inverse that comes back further than this from the given point is none.
 const LARGEST_ERROR: f64 = 1e-9;
-/// A point that comes back further than this from where it was, relative to the distance from the middle, is another one.
-const LARGEST_RETURN: f64 = 1e-6;
+/// Beyond a fold a model may grow once more. Parts of the way from the middle after which it is looked for.
+const ON_THE_WAY: u32 = 6;
 
 impl Lens {
     /// Every model by name, with its constructor: `None` for another number of coefficients than the model has.
@@ -224,9 +231,22 @@ fn direction(point: &Vector3<f64>) -> Option<Vector3<f64>> {
 
 /// Where a model puts a normalised point; `None` beyond its fold, where it would put it onto the image of another one.
 pub(crate) fn shown(model: &dyn PlaneModel, ideal: [f64; 2]) -> Option<[f64; 2]> {
-    let image = model.distort(ideal);
-    let [x, y] = model.undistort(image)?;
-    (norm2(x - ideal[0], y - ideal[1]) < LARGEST_RETURN * (1.0 + norm2(x, y))).then_some(image)
+    let Distorted { point, jacobian } = model.at(ideal);
+    (keeps_order(&jacobian) && is_before_the_fold(ideal, |point| model.at(point))).then_some(point)
+}
+
+/// Whether a model with this Jacobian neither folds nor turns back: it did where the sum of the eigenvalues or their
+/// product is not positive.
+fn keeps_order(&[a, b, c, d]: &[f64; 4]) -> bool {
+    a * d - b * c > SMALLEST_DETERMINANT && a + d > 0.0
+}
+
+/// Whether a model keeps the order of points all the way from the middle to a point.
+fn is_before_the_fold([x, y]: [f64; 2], distort: impl Fn([f64; 2]) -> Distorted) -> bool {
+    (1..ON_THE_WAY).all(|step| {
+        let fraction = f64::from(step) / f64::from(ON_THE_WAY);
+        keeps_order(&distort([fraction * x, fraction * y]).jacobian)
+    })
 }
 
 /// The point that `distort` puts at `target`: Newton's method on the forward model from there. `None` where it does not
@@ -237,7 +257,7 @@ pub(crate) fn newton(target: [f64; 2], distort: impl Fn([f64; 2]) -> Distorted) 
         let Distorted { point, jacobian: [a, b, c, d] } = distort([x, y]);
         let (ex, ey) = (point[0] - target[0], point[1] - target[1]);
         let determinant = a * d - b * c;
-        if determinant <= SMALLEST_DETERMINANT {
+        if determinant <= SMALLEST_DETERMINANT || a + d <= 0.0 {
             return None;
         }
         let (dx, dy) = ((d * ex - b * ey) / determinant, (a * ey - c * ex) / determinant);
@@ -248,5 +268,6 @@ pub(crate) fn newton(target: [f64; 2], distort: impl Fn([f64; 2]) -> Distorted) 
         }
     }
     let back = distort([x, y]).point;
-    (norm2(back[0] - target[0], back[1] - target[1]) < LARGEST_ERROR).then_some([x, y])
+    let comes_back = norm2(back[0] - target[0], back[1] - target[1]) < LARGEST_ERROR;
+    (comes_back && is_before_the_fold([x, y], distort)).then_some([x, y])
 }

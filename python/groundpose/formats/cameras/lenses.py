@@ -111,7 +111,7 @@ def listed(record: Record, *keys: str) -> tuple[str, tuple[float, ...] | None]:
 def by_name(record: Record, names: Record | None = None) -> tuple[str, tuple[float, ...] | None]:
     """Lens model and coefficients that stand each under its own key (k1, k2, p1 ...) of `names`."""
     lens, names = lens_in(named_lens(record)), names or record
-    order = LENSES[lens if _is_wide(lens) else "rational"].coefficients
+    order = LENSES[lens if lens and _is_wide(lens) else "rational"].coefficients
     for key in LENSES["rational"].coefficients:
         field = names.get(key)
         if field is not None and key not in order and only(field):
@@ -119,7 +119,7 @@ def by_name(record: Record, names: Record | None = None) -> tuple[str, tuple[flo
     return _lens(lens, [names.optional(key) for key in order], names.field)
 
 
-def _is_wide(lens: str | None) -> bool:
+def _is_wide(lens: str) -> bool:
     return lens in LENSES and LENSES[lens].is_wide
 
 

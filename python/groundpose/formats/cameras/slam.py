@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from groundpose._checks import FloatArray
-from groundpose.formats.cameras.lenses import NO_LENS, by_name, finished, listed, pinhole, sized
+from groundpose.formats.cameras.lenses import COEFFICIENTS, NO_LENS, by_name, finished, listed, pinhole, sized
 from groundpose.formats.cameras.record import Entry, Record, bare, numbers
 from groundpose.formats.fields import Field
 from groundpose.lens import DEFAULT_LENS, LENSES
@@ -60,8 +60,11 @@ def _behind_sphere(
     spheres: list[float],
     behind: tuple[str, tuple[float, ...] | None],
 ) -> Camera:
-    """The camera of a lens that has spheres before the model of a plane. Raises InputError for one it has not."""
-    listed(record)  # they are read
+    """The camera of a lens of spheres, with or without the model of a plane behind them, which is read.
+
+    Raises InputError for a model that may not stand there.
+    """
+    record.ignore("distortion_model", *COEFFICIENTS)
     model, k = behind
     count = len(LENSES[lens].coefficients) - len(spheres)
     k = k or (0.0,) * count
@@ -124,8 +127,8 @@ def vins_entries(record: Record) -> list[Entry]:
 
 
 def _read_vins(record: Record) -> View:
-    """A KANNALA_BRANDT has its coefficients, k2 to k5, among the parameters of its projection, a MEI `xi` among
-    those of its mirror."""
+    """A KANNALA_BRANDT has its coefficients, k2 to k5, among the parameters of its projection, a MEI `xi`
+    among those of its mirror."""
     field, distortion = record.need("projection_parameters"), record.get("distortion_parameters")
     inner = Record(field)
     if record.has("mirror_parameters"):
