@@ -23,6 +23,9 @@ pub(crate) const BORDER_PX: f64 = 1.5;
 
 // Wide lenses.
 
+/// Directions further than 80 degrees from the middle of their object (cosine) count as not seen: a pinhole that faces the
+/// object draws them out of all proportion. Chosen by hand.
+pub(crate) const NARROWEST_RAY: f64 = 0.17;
 /// The sides of a 2D box are as good as they get when the pose moves none of them by more than this, in standard deviations
 /// of a side or inlier thresholds, whichever are smaller. Chosen by hand.
 pub(crate) const SIDES_SETTLED: f64 = 0.1;

@@ -22,7 +22,8 @@ use crate::model::observation::Observation;
 use crate::refine::covariance::PoseCovariance;
 use crate::tuning::SIDES_SETTLED;
 
-/// The pose of what is seen through a wide lens. A call of its own: its variables are no part of the stack of others.
+/// The pose of what is seen through a wide lens. Calls of their own, this and its steps: of their variables as little as can
+/// be is on the stack under the search.
 ///
 /// # Errors
 /// The data has no answer.
@@ -39,27 +40,32 @@ pub(crate) fn estimate_wide(
         buffers.residuals.fill(f64::NAN);
         return Err(NoPose::TooFewKeypoints);
     };
-    let camera = &view.camera;
     for (pixel, &distorted) in pixels.iter_mut().zip(observation.keypoints_2d()) {
-        *pixel = local.pixel(camera, distorted).unwrap_or([f64::NAN; 2]);
+        *pixel = local.pixel(&view.camera, distorted).unwrap_or([f64::NAN; 2]);
     }
     let given = observation.bbox().map(|bbox| view.uncut_bbox(bbox));
-    let mut pass = |bbox: Option<Bbox>| {
-        estimate_ideal(&local.view, &observation.seen_ideally(pixels, bbox), options, index, buffers.lend())
+    let mut pass = |sides: Option<Bbox>| {
+        estimate_ideal(&local.view, &observation.seen_ideally(pixels, sides), options, index, buffers.lend())
     };
-    let sides = given.map(|given| local.bbox(camera, given));
-    let mut estimate = pass(sides)?;
-    let touching = given.and_then(|given| touching_sides(camera, &local, observation, &estimate, given));
-    let worth = options.effective_bbox_sigma(estimate.inlier_threshold).min(estimate.inlier_threshold);
-    if farthest_move(sides, touching) > SIDES_SETTLED * worth {
-        // What the first sides found is still an answer; then it is found once more for its residuals.
-        estimate = pass(touching).or_else(|_| pass(sides))?;
+    let middles = given.map(|given| local.bbox(&view.camera, given));
+    let mut answer = pass(middles);
+    let found = answer.as_ref().ok().zip(given);
+    let touching = found.and_then(|(found, given)| touching_sides(&view.camera, &local, observation, found, given));
+    if answer.as_ref().is_ok_and(|found| is_elsewhere(middles, touching, found, options)) {
+        answer = pass(touching);
+        if answer.is_err() {
+            // What the first sides found is still an answer.
+            answer = pass(middles);
+        }
     }
-    turn_to_camera(&mut estimate, &local);
-    Ok(estimate)
+    if let Ok(estimate) = &mut answer {
+        turn_to_camera(estimate, &local);
+    }
+    answer
 }
 
 /// The view that faces the middle of the 2D box; of the keypoints, where sides are unknown or the lens shows nothing there.
+#[inline(never)]
 fn facing(view: &View, observation: &Observation) -> Option<LocalView> {
     let middle = observation.bbox().map_or([f64::NAN; 2], |bbox| bbox.middle());
     LocalView::facing(view, middle).or_else(|| {
@@ -83,6 +89,7 @@ fn middle_of_keypoints(camera: &Camera, observation: &Observation) -> [f64; 2] {
 
 /// Sides of a box in a local view such that the 3D box of a pose touches them there where it touches the given sides
 /// through the lens: moved by as much as it ends elsewhere. `None` where a part of it is not shown.
+#[inline(never)]
 fn touching_sides(
     camera: &Camera,
     local: &LocalView,
@@ -103,15 +110,17 @@ fn touching_sides(
     })
 }
 
-/// Pixels; unknown sides do not move.
-fn farthest_move(from: Option<Bbox>, to: Option<Bbox>) -> f64 {
-    let (Some(from), Some(to)) = (from, to) else { return 0.0 };
+/// Whether a side moved by more than does not matter; an unknown one does not move.
+fn is_elsewhere(from: Option<Bbox>, to: Option<Bbox>, estimate: &Estimate, options: &Options) -> bool {
+    let (Some(from), Some(to)) = (from, to) else { return false };
     let moves = [to.left - from.left, to.top - from.top, to.right - from.right, to.bottom - from.bottom];
-    moves.iter().fold(0.0, |most, x| x.abs().max(most))
+    let worth = options.effective_bbox_sigma(estimate.inlier_threshold).min(estimate.inlier_threshold);
+    moves.iter().any(|x| x.abs() > SIDES_SETTLED * worth)
 }
 
 /// Pose, covariances and the other reading from a local view to the camera's frame. The yaw is about the ground and the
 /// same.
+#[inline(never)]
 fn turn_to_camera(estimate: &mut Estimate, local: &LocalView) {
     let mut turn = Matrix6::zeros();
     for block in [0, 3] {

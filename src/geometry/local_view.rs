@@ -11,12 +11,10 @@ use crate::geometry::bbox::Bbox;
 use crate::geometry::camera::Camera;
 use crate::geometry::pose::Pose;
 use crate::geometry::view::View;
+use crate::tuning::NARROWEST_RAY;
 
 /// Half the distance, pixels, over which the lens's scale is measured.
 const STEP: f64 = 0.5;
-/// Directions further from the axis than this (cosine of 80 degrees) are not shown: a pinhole draws them out of all
-/// proportion.
-const LOWEST_Z: f64 = 0.17;
 
 /// A view that faces an object.
 pub(crate) struct LocalView {
@@ -49,7 +47,7 @@ impl LocalView {
     /// Where it shows what the camera shows at a pixel.
     pub(crate) fn pixel(&self, camera: &Camera, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let ray = self.local_from_camera * camera.direction_of(pixel)?;
-        if ray.z > LOWEST_Z { self.view.camera.project(&ray) } else { None }
+        if ray.z > NARROWEST_RAY { self.view.camera.project(&ray) } else { None }
     }
 
     /// A box without its lens: each side moves as its middle does. A side whose middle is not shown becomes unknown.
