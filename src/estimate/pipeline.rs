@@ -15,10 +15,12 @@ use crate::estimate::workspace::Buffers;
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
 
-/// The pose of what is seen through an ideal lens.
+/// The pose of what is seen through an ideal lens. A call of its own: whatever lens it comes through, this is on the stack
+/// once.
 ///
 /// # Errors
 /// The data has no answer.
+#[inline(never)]
 pub(crate) fn estimate_ideal(
     view: &View,
     observation: &Observation,
