@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -29,6 +31,29 @@ def input_error(argument: str, expected: str, got: object) -> InputError:
 def type_error(argument: str, expected: str, value: object) -> TypeError:
     """The error for a value of a type that an argument does not take."""
     return TypeError(f"{argument}: expected {expected}, got {describe(value)}")
+
+
+@contextmanager
+def blamed(item: object, *, files: bool = True) -> Iterator[None]:
+    """Whatever is raised inside becomes the InputError of one item of many, so that the others go on.
+
+    Args:
+        item: how it is called: a file, a line of one.
+        files: whether errors of the system count too; else they pass, where they concern all items.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except OSError as error:
+        if not files:
+            raise
+        raise InputError(f"{error.filename or item}: {error.strerror or error}") from error
+    except BaseException as error:
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
+        said = (_said(error, str).splitlines() or [""])[0][:_SHOWN]
+        raise InputError(f"{item}: {type(error).__name__}{': ' * bool(said)}{said}") from error
 
 
 def describe(value: object) -> str:
@@ -189,6 +214,13 @@ def finite(argument: str, array: FloatArray) -> FloatArray:
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         raise input_error(argument, "finite numbers", f"{array[index]} at {list(index)}")
     return array
+
+
+def radians(argument: str, degrees: float, limit: float) -> float:
+    """An angle in radians. Raises InputError, in degrees as it was given, from the limit on."""
+    if not -limit < degrees < limit:
+        raise input_error(argument, f"degrees between {-limit:g} and {limit:g}", f"{degrees:g}")
+    return math.radians(degrees)
 
 
 def existing(path: str | PathLike[str]) -> Path:

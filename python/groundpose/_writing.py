@@ -10,6 +10,7 @@ import itertools
 import os
 import stat
 import sys
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from os import PathLike
@@ -20,7 +21,7 @@ from groundpose._checks import input_error
 
 LOCK = ".groundpose.lock"
 """In a folder that a run writes to; only a lock that a living process holds counts."""
-_PART = ".groundpose-{}.part"
+_PART = ".groundpose-{}-{}.part"
 _numbers = itertools.count()
 
 _TEXT = {"encoding": "utf-8", "errors": "backslashreplace", "newline": "\n"}
@@ -58,7 +59,7 @@ def whole_file(path: AnyPath, mode: Literal["w", "wb"] = "w", *, sync: bool = Tr
 def whole_path(path: AnyPath) -> Iterator[Path]:
     """As `whole_file`, for a library that wants the name of a file to write. Raises OSError naming `path`."""
     target = Path(os.path.realpath(path))
-    part = target.with_name(_PART.format(f"{os.getpid()}-{next(_numbers)}"))
+    part = target.with_name(_PART.format(_short(target), f"{os.getpid()}-{next(_numbers)}"))
     try:
         with naming(path, part):
             yield part
@@ -68,6 +69,11 @@ def whole_path(path: AnyPath) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # it is gone when all went well
             part.unlink()
+
+
+def _short(path: Path) -> str:
+    """A name for its name, which may itself be as long as the system allows."""
+    return f"{zlib.crc32(os.fsencode(path.name)):08x}"
 
 
 def write_text(path: AnyPath, text: str, *, sync: bool = True) -> None:
@@ -110,9 +116,9 @@ def only_writer(path: AnyPath) -> Iterator[None]:
     name = target / LOCK if target.is_dir() else target.with_name(f".{target.name}.lock")
     with naming(path, name):
         held = _hold(name, path)
-    if target.is_dir():
-        for part in target.glob(_PART.format("*")):  # of a run that was killed: the lock is ours now
-            part.unlink(missing_ok=True)
+    left = _PART.format("*", "*") if target.is_dir() else _PART.format(_short(target), "*")
+    for part in name.parent.glob(left):  # of a run that was killed: the lock is ours now
+        part.unlink(missing_ok=True)
     try:
         yield
     finally:

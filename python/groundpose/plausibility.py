@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
-from groundpose.types import View
+from groundpose.lens import LENSES
+from groundpose.types import Camera, View
 
 FAR_OFF = 0.2
 """Of the width or height: a principal point that is this far from the middle is remarkable."""
-NARROWEST_DEG, WIDEST_DEG = 3.0, 150.0
+NARROWEST_DEG, WIDEST_DEG, WIDEST_FISHEYE_DEG = 3.0, 150.0, 240.0
 """Horizontal fields of view that cameras on the road have."""
 STEEPEST_DEG = 45.0
 BEYOND = 0.1
@@ -40,14 +41,24 @@ def camera_remarks(view: View) -> list[str]:
                 f"principal point: ({camera.cx:g}, {camera.cy:g}) is far off the middle ({middle[0]:g}, "
                 f"{middle[1]:g}) of the image; a camera of another image size?"
             )
-        field = math.degrees(2.0 * math.atan(0.5 * width / camera.fx))
-        if not NARROWEST_DEG <= field <= WIDEST_DEG:
+        field, widest = _field_deg(camera, width)
+        if not NARROWEST_DEG <= field <= widest:
             said.append(
                 f"field of view: {field:.1f} deg across; is the focal length in pixels of this image?"
             )
     if abs(view.pitch) > math.radians(STEEPEST_DEG):
         said.append(f"pitch: {math.degrees(view.pitch):.0f} deg, expected a camera that looks along the road")
     return said
+
+
+def _field_deg(camera: Camera, width: int) -> tuple[float, float]:
+    """Degrees across the picture, and how many there can be; the most, where the lens ends within it."""
+    if camera.distortion is None or not LENSES[camera.lens].is_wide:
+        return math.degrees(2.0 * math.atan(0.5 * width / camera.fx)), WIDEST_DEG
+    ends = np.array([[-0.5, camera.cy], [width - 0.5, camera.cy]])
+    angles = np.arccos(np.clip(camera.directions_of(ends)[:, 2], -1.0, 1.0))
+    across = float(np.degrees(angles.sum()))
+    return WIDEST_FISHEYE_DEG if math.isnan(across) else across, WIDEST_FISHEYE_DEG
 
 
 def box_remarks(bboxes: FloatArray, size: Size | None) -> list[str]:

@@ -64,7 +64,8 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     inlier_threshold: Number = field(metadata=spec())
     """Pixels, the threshold used."""
     residuals: FloatArray = field(metadata=spec("P"))
-    """(P,) undistorted pixels between keypoint and projection, NaN = not seen."""
+    """(P,) undistorted pixels between keypoint and projection, NaN = not seen; through a wide lens, pixels of
+    the pinhole view that faces the object, which are those of the picture near its middle."""
     reprojection_rmse: Number = field(metadata=spec())
     """Pixels, root mean square of the inliers' residuals."""
     noise_sigma: Number = field(metadata=spec())

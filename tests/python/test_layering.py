@@ -20,6 +20,7 @@ ROOMS = (
         "lab",
         "lab.data",
         "lab.metrics",
+        "lab.processes",
         "lab.timing",
         "lab.targets",
         "lab.bodies",

@@ -1,16 +1,14 @@
-"""What a run was asked, so that the same command goes on with it; and angles as they were typed."""
+"""What a run was asked, so that the same command goes on with it."""
 
 from __future__ import annotations
 
 import hashlib
-import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import groundpose
-from groundpose._checks import input_error
 from groundpose.cli.journal import Settings
 
 _UNASKED = ("out", "threads", "strict")  # which change no result
@@ -50,12 +48,3 @@ def _look(path: Path) -> str:
 
 def _stamp(name: str, found: os.stat_result) -> str:
     return f"{name} {found.st_size} {found.st_mtime_ns}"
-
-
-def degrees(option: str, angle: float | None, limit: float) -> float | None:
-    """An angle in radians. Raises InputError, in degrees as it was typed, beyond the limit."""
-    if angle is None:
-        return None
-    if not -limit < angle < limit:
-        raise input_error(option, f"degrees between {-limit:g} and {limit:g}", f"{angle:g}")
-    return math.radians(angle)

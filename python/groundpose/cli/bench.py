@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from groundpose._writing import only_writer
 from groundpose.cli.destination import Inputs
-from groundpose.cli.output import complain, console, mistakes
+from groundpose.cli.output import complain, console, mistakes, show
 
 OUT = Path("groundpose_bench.json")
 
@@ -101,14 +101,14 @@ def _bench(
     if (table := tell.target_table(content["cases"])).row_count and not quick:
         console().print(table)
     drawing.write(content["cases"], picture)
-    typer.echo(f"Numbers: {out.resolve()}")
-    typer.echo(f"Picture: {picture.resolve()}")
+    show(f"Numbers: {out.resolve()}")
+    show(f"Picture: {picture.resolve()}")
     if save_baseline is not None:
         baseline.save(content, save_baseline)
-        typer.echo(f"Baseline: {save_baseline.resolve()}")
+        show(f"Baseline: {save_baseline.resolve()}")
     if before is not None:
         if before["machine"] != content["machine"]:
-            typer.echo(f"The baseline is of another machine ({before['machine']}): ratios may differ")
+            show(f"The baseline is of another machine ({before['machine']}): ratios may differ")
         _compared(baseline.compare(content, before, {case.id for case in cases}))
 
 
@@ -155,8 +155,6 @@ def _compared(found: list[Any]) -> None:
         verdict: sum(d.verdict == verdict for d in found)
         for verdict in dict.fromkeys(d.verdict for d in found)
     }
-    typer.echo(
-        "Against the baseline: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-    )
+    show("Against the baseline: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
     if counts.get(LOST):
         raise typer.Exit(1)

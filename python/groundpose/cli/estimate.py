@@ -12,8 +12,9 @@ from typing import Annotated
 
 import typer
 
+from groundpose._checks import blamed, radians
 from groundpose._core import InputError
-from groundpose.cli.asked import asked, degrees
+from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.destination import FORMATS, Destination, Inputs, chosen_format
@@ -212,8 +213,8 @@ def estimate(
     said = asked(locals())
     with mistakes():
         form = form or ("table" if out is None and standard_output().isatty() else "")
-        pitch, roll = degrees("--pitch-deg", pitch_deg, 90.0), degrees("--roll-deg", roll_deg, 180.0)
-        sigma = None if frame_tilt_sigma_deg is None else math.radians(frame_tilt_sigma_deg)
+        pitch, roll = _radians("--pitch-deg", pitch_deg, 90.0), _radians("--roll-deg", roll_deg, 180.0)
+        sigma = _radians("--frame-tilt-sigma-deg", frame_tilt_sigma_deg, 360.0)
         frame = _frame(height, region, learn_camera)
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
         mounting = Mounting(pitch, roll, height, sigma, frame, learned)
@@ -249,6 +250,10 @@ def _frame(height: float | None, region: str | None, learn_camera: Path | None) 
     if height is None and region is None and learn_camera is None:
         return None
     return FramePriors(size=SizePrior.region(region or "world"))
+
+
+def _radians(option: str, degrees: float | None, limit: float) -> float | None:
+    return None if degrees is None else radians(option, degrees, limit)
 
 
 def _meant(classes: list[str]) -> dict[str, str]:
@@ -349,9 +354,11 @@ class _FrameWork:
             if number in self.finished:  # read all the same: later lines know its models
                 yield None
                 continue
-            try:
-                if isinstance(frame, InputError):
-                    raise frame
+            yield frame if isinstance(frame, InputError) else self._done(frame)
+
+    def _done(self, frame: Frame) -> Result | InputError:
+        try:
+            with blamed(frame.place):
                 tilted = replace(frame, view=self.mounting.of(frame.view))
                 poses = estimate_poses(
                     **tilted.arguments,
@@ -359,10 +366,9 @@ class _FrameWork:
                     threads=self.threads,
                     **self.mounting.arguments(tilted.view),
                 )
-            except InputError as error:
-                yield error
-            else:
-                yield Result(tilted, poses)
+        except InputError as error:
+            return error
+        return Result(tilted, poses)
 
     def remarks(self) -> list[str]:
         return self.mounting.remarks()
@@ -376,6 +382,8 @@ def _tilted_record(frame: Frame, poses: PoseBatch) -> str:
 @contextmanager
 def _open(frames: Path) -> Iterator[FrameSource]:
     if str(frames) == "-":
+        if sys.stdin is None:
+            refuse("standard input is closed; give a file")
         yield FrameSource(sys.stdin.buffer, "standard input", Path())
         return
     with frames.open("rb") as stream:

@@ -25,7 +25,7 @@ from groundpose.cli.evaluate_lab import (
 )
 from groundpose.cli.evaluate_sets import apollo, bar, speed, tilt
 from groundpose.cli.inputs import NetworkFile
-from groundpose.cli.output import complain, console, mistakes
+from groundpose.cli.output import complain, console, mistakes, show
 
 if TYPE_CHECKING:
     from groundpose.lab.evaluate.kitti.keypoints import KeypointSource
@@ -185,17 +185,17 @@ def kitti(
             complain("interrupted; finished frames are kept, the same command goes on")
             raise typer.Exit(130) from None
         _tell(content)
-        typer.echo(f"Numbers: {out.resolve()}")
+        show(f"Numbers: {out.resolve()}")
         if page is not None:
             from groundpose.lab.evaluate.kitti.page import write
 
-            typer.echo(f"Page: {write(content, worker, page).resolve()}")
+            show(f"Page: {write(content, worker, page).resolve()}")
         if rerun is not None:
             from groundpose.lab.evaluate.kitti.show import record
 
             with bar("recording") as advance:
                 count = record(worker, frames.ids(split)[:limit], rerun, advance)
-            typer.echo(f"Recording: {rerun.resolve()}, {count} frames")
+            show(f"Recording: {rerun.resolve()}, {count} frames")
     if not content["frames"]["done"]:
         complain("no frame could be used")
         raise typer.Exit(2)
@@ -244,12 +244,10 @@ def _tell(content: dict[str, Any]) -> None:
             )
     console().print(table)
     frames = content["frames"]
-    typer.echo(
-        f"{frames['done']} frames, {content['objects']} objects; frames left out: {frames['left out']}"
-    )
+    show(f"{frames['done']} frames, {content['objects']} objects; frames left out: {frames['left out']}")
     for row in content["skipped"]:
         more = ", ..." if row["count"] > _PLACES else ""
-        typer.echo(f"left out: {row['count']} x {row['reason']}: {'; '.join(row['first'][:_PLACES])}{more}")
+        show(f"left out: {row['count']} x {row['reason']}: {'; '.join(row['first'][:_PLACES])}{more}")
 
 
 @app.command()
@@ -279,7 +277,7 @@ def figure6(
         source, _ = _source(keypoints, network, Models.CLASS.value, seed)
         worker = Worker(KittiSet(root), Task(keypoints=keypoints.value), source)
         save_figure(draw(worker, frame), out, 110)
-    typer.echo(f"Picture: {out.resolve()}")
+    show(f"Picture: {out.resolve()}")
 
 
 for command in (

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose._checks import input_error
+from groundpose._checks import blamed, input_error
 from groundpose._core import InputError
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
@@ -103,15 +103,14 @@ class ImageWork:
         """The poses of one image, or what is wrong with it."""
         path = shot.path
         try:
-            pixels = as_rgb(path, self.exif) if shot.image is None else as_rgb(shot.image)
-            found = self.boxes.of(shot, pixels)
-            view = self._view_of(shot.name, found, (pixels.shape[1], pixels.shape[0]))
-            boxes = [box for box in found.boxes if self._keeps(box)]
-            poses = self._poses(path, pixels, boxes, view)
+            with blamed(path):
+                pixels = as_rgb(path, self.exif) if shot.image is None else as_rgb(shot.image)
+                found = self.boxes.of(shot, pixels)
+                view = self._view_of(shot.name, found, (pixels.shape[1], pixels.shape[0]))
+                boxes = [box for box in found.boxes if self._keeps(box)]
+                poses = self._poses(path, pixels, boxes, view)
         except InputError as error:
             return error
-        except OSError as error:
-            return InputError(f"{error.filename or path}: {error.strerror or error}")
         self.kept += len(boxes)
         no_vehicle = int((poses.status == NOT_A_VEHICLE).sum())
         self.no_vehicle += no_vehicle

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import sys
 import unicodedata
 from collections.abc import Iterator
@@ -15,6 +17,27 @@ from groundpose._core import InputError
 
 _UNSAFE = ("Cc", "Cf", "Cs", "Zl", "Zp")
 """Classes of characters that move the cursor, change colours or the direction of writing, or are none."""
+
+
+_SPELLED = {"°": " deg", "±": "+-", "µ": "u", "×": "x", "–": "-", "…": "..."}
+_PLAIN = "groundpose.plain"
+
+
+def _spelled(error: UnicodeError) -> tuple[str | bytes, int]:
+    """A character that the terminal's encoding lacks: in words if we use it, else as `\\xb0`."""
+    if isinstance(error, UnicodeEncodeError) and (said := _SPELLED.get(error.object[error.start])):
+        return said, error.start + 1
+    return codecs.backslashreplace_errors(error)
+
+
+codecs.register_error(_PLAIN, _spelled)
+
+
+def on_any_terminal() -> None:
+    """Make standard output and errors take every character, whatever the locale."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # None: closed by the caller
+            stream.reconfigure(errors=_PLAIN)
 
 
 def console(stderr: bool = False, file: IO[str] | None = None) -> Console:
@@ -51,7 +74,7 @@ def complain(message: object) -> None:
     console(stderr=True).print(f"error: {harmless(message)}", style="red")
 
 
-def tell(message: object) -> None:
+def show(message: object) -> None:
     """One line of what a command made on standard output."""
     typer.echo(harmless(message))
 

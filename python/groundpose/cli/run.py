@@ -20,6 +20,7 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
+from groundpose._checks import blamed
 from groundpose._core import InputError
 from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.output import complain, console, say
@@ -194,16 +195,22 @@ def _keep(
     if isinstance(result, InputError):
         tally.errors.append(result)
         return
-    frame, poses = result.frame, result.poses
+    frame, poses, name = result.frame, result.poses, ""
+    written = False
     try:
-        name = output.names.of(frame.id) if output.named or pictures is not None else ""
-        output.write(frame, poses, name)
+        with blamed(frame.place, files=False):  # a disk that is full is so for all of them
+            if output.named or pictures is not None:
+                name = output.names.of(frame.id)
+            output.write(frame, poses, name)
+        written = True
         if pictures is not None:
-            pictures.write(frame, poses, result.image, name)
+            with blamed(frame.place):
+                pictures.write(frame, poses, result.image, name)
         tally.add(result)
     except InputError as error:
         tally.errors.append(error)
-    output.finished(item, result.vehicles, int(poses.ok.sum()), name)
+    if written:
+        output.finished(item, result.vehicles, int(poses.ok.sum()), name)
 
 
 def _progress(work: Work, output: Output) -> Progress:

@@ -7,6 +7,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from groundpose._checks import FloatArray
+from groundpose.cli.output import harmless
 from groundpose.formats.frames import Frame
 from groundpose.poses import Pose, PoseBatch
 
@@ -14,7 +15,7 @@ from groundpose.poses import Pose, PoseBatch
 def frame_table(frame: Frame, poses: PoseBatch) -> Table:
     """The poses of one frame, with errors where the truth is known."""
     table = Table(
-        title=f"Frame {frame.id}",
+        title=f"Frame {harmless(frame.id)}",
         title_justify="left",
         box=SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
@@ -27,7 +28,7 @@ def frame_table(frame: Frame, poses: PoseBatch) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     ground = poses.view.R_camera_from_ground
     for i, (item, pose) in enumerate(zip(frame.objects, poses, strict=True)):
-        row = [str(item.id), item.model, pose.status, *_numbers(pose, ground)]
+        row = [harmless(item.id), harmless(item.model), pose.status, *_numbers(pose, ground)]
         if truth:
             row.append(_error(pose, truth[0][i], truth[1][i]))
         table.add_row(*row, style="" if pose.ok else "dim")

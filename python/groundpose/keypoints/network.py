@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from os import PathLike, fspath
 from pathlib import Path
 
@@ -53,6 +54,13 @@ def bundled(name: str = "default") -> Path:
     return MODELS / BUNDLED[name]
 
 
+def _no_file(name: str) -> str:
+    """What is said of a name that is neither a file nor one of ours, though it may be meant to be."""
+    meant = get_close_matches(name.lower(), BUNDLED, 1)
+    ours = "" if Path(name).suffix else f"; networks of the package: {', '.join(BUNDLED)}"
+    return "No such file or directory" + (f"; did you mean {meant[0]}?" if meant else ours)
+
+
 class Network:
     """A trained network: crops in; out come keypoints with spread, probabilities of the classes, of the 16
     viewing angles, and that there is a vehicle at all. Files of version "1" lack the last two: to them every
@@ -81,8 +89,8 @@ class Network:
             raise type_error("path", "a path", path)
         name = "default" if path is None else fspath(path)
         self.path = bundled(name) if name in BUNDLED else Path(name)
-        if name in BUNDLED and not self.path.exists():
-            raise FileNotFoundError(2, _NOT_BUNDLED, str(self.path))
+        if not self.path.exists():
+            raise FileNotFoundError(2, _NOT_BUNDLED if name in BUNDLED else _no_file(name), str(self.path))
         self._file = OnnxFile(self.path, threads)
         self._threads = threads
         self.metadata = self._file.metadata

@@ -10,8 +10,6 @@ import argparse
 import json
 import time
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +21,7 @@ from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.ego import FRAMES_PER_DRIVE
 from groundpose.lab.drive.labels import VISIBLE, labels
 from groundpose.lab.drive.splits import SPLITS, scene_seed
+from groundpose.lab.processes import worker_pool
 
 OUT = Path("results/simulation.json")
 PERCENTILES = (5, 25, 50, 75, 95)
@@ -62,7 +61,7 @@ def measure(objects: int, seed: int, split: str, jobs: int) -> dict[str, Any]:
     rows: list[tuple[float, ...]] = []
     tilt, names, drives, busy = [], Counter[str](), 0, 0.0
     start = time.perf_counter()
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+    with worker_pool(jobs) as pool:
         while len(rows) < objects:
             block = range(drives, drives + 4 * jobs)
             for found in pool.map(drive_numbers, [scene_seed(seed, split)] * len(block), block):

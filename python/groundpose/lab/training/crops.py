@@ -13,10 +13,9 @@ import copy
 import itertools
 import json
 import math
-import multiprocessing
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from groundpose._checks import FloatArray, input_error
 from groundpose._writing import only_writer, whole_file, write_text
 from groundpose.keypoints.codec import MARGIN, ByteArray, Codec
+from groundpose.lab.processes import worker_pool
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS, keypoint_indices
 
@@ -170,8 +170,7 @@ def _write_crops(
 
 def _in_processes(make: Callable[[_Task], None], tasks: Iterator[_Task], jobs: int) -> Iterator[None]:
     """Results as they come; a task is taken when a process is free for it."""
-    # spawn: a renderer's context does not survive a fork
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+    with worker_pool(jobs) as pool:
         running = {pool.submit(make, task) for task in itertools.islice(tasks, jobs)}
         while running:
             ready, running = wait(running, return_when=FIRST_COMPLETED)

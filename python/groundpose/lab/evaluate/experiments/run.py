@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from groundpose.lab.evaluate.experiments import entry
 from groundpose.lab.evaluate.experiments.outcome import numbers
 from groundpose.lab.evaluate.experiments.settings import Setting, settings_of
 from groundpose.lab.evaluate.experiments.store import Store
+from groundpose.lab.processes import worker_pool
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 REPEATS, LONG_ENOUGH = 3, 0.05
@@ -126,17 +126,13 @@ def _run(
     advance(0, len(left), "")
     if not left:
         return store
-    with _one_thread_each(), ProcessPoolExecutor(min(jobs, len(left)), get_context("spawn")) as pool:
+    with _one_thread_each(), worker_pool(min(jobs, len(left))) as pool:
         futures: dict[Future[Measured], Task] = {pool.submit(measure, t, trials, seed): t for t in left}
-        try:
-            for done, future in enumerate(as_completed(futures), start=1):
-                task, measured = futures[future], future.result()
-                store.add(task.setting.key, measured.numbers, measured.microseconds)
-                store.write(keys, wanted, _notes(experiment))
-                advance(done, len(left), f"{task.setting.key}, {task.group}")
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        for done, future in enumerate(as_completed(futures), start=1):
+            task, measured = futures[future], future.result()
+            store.add(task.setting.key, measured.numbers, measured.microseconds)
+            store.write(keys, wanted, _notes(experiment))
+            advance(done, len(left), f"{task.setting.key}, {task.group}")
     return Store.read(store.path)
 
 

@@ -3,11 +3,9 @@ with."""
 
 from __future__ import annotations
 
-import multiprocessing
 import shlex
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -24,6 +22,7 @@ from groundpose.lab.evaluate.kitti.frame import ERROR_COLUMNS, LABEL_COLUMNS, Ta
 from groundpose.lab.evaluate.kitti.keypoints import KeypointSource
 from groundpose.lab.evaluate.kitti.store import Line, Store
 from groundpose.lab.evaluate.kitti.summary import SELF_CHECK, Collected, collect, summary
+from groundpose.lab.processes import worker_pool
 
 CHECKED_FRAMES = 200
 """The labels of so many frames are put against themselves as a check of the average precision."""
@@ -150,9 +149,7 @@ def _each(worker: Worker, jobs_waiting: list[tuple[str, bool]], jobs: int) -> It
     if jobs == 1 or len(jobs_waiting) < 2:
         yield from map(worker, jobs_waiting)
         return
-    # not forked: another library's threads may be running here
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, initializer=_take, initargs=(worker,)) as pool:
+    with worker_pool(jobs, _take, (worker,)) as pool:
         waiting = iter(jobs_waiting)
         while part := list(islice(waiting, _WAITING_A_PROCESS * jobs)):
             yield from pool.map(_one, part, chunksize=8)
