@@ -1,6 +1,7 @@
 """`groundpose estimate` without boxes: a detector of the user's finds them; pictures by a pattern, frames of
 videos with their time."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -141,6 +142,13 @@ def test_a_video_is_a_row_of_numbered_images_with_their_time(here):
     assert [line["time"] for line in found] == pytest.approx([0.0, 0.1, 0.2, 0.3])
     assert {line["image"] for line in found} == {"drive.mp4"}
     np.testing.assert_allclose(found[3]["objects"][0]["bbox"], street(WIDE)[1], atol=6.0)
+
+
+def test_a_table_of_a_video_has_its_times(here):
+    film(here / "drive.mp4")
+    estimate("drive.mp4", "--detector", "found.onnx", "-o", "poses.csv")
+    with open("poses.csv", encoding="utf-8") as stream:
+        assert [float(row["time"]) for row in csv.DictReader(stream)] == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
 def test_boxes_of_a_video_are_those_of_its_numbers(here):

@@ -116,6 +116,15 @@ def test_an_open_size_is_640_and_half_precision_is_taken(tmp_path):
     np.testing.assert_allclose(detector(image).boxes[0].bbox, box, atol=1.0)
 
 
+@pytest.mark.parametrize("shape", [[1, 64, 96], [1, 64, 64], ["b", "h", "w"]])
+def test_a_mask_of_the_picture_is_fed(shape, tmp_path):
+    path = detectors.write(tmp_path / "d.onnx", "DETR", others={"pixel_mask": (detectors.INT64, shape)})
+    detector = gp.Detector(path)
+    image, box = street(TALL)
+    (one,) = detector(image).boxes
+    np.testing.assert_allclose(one.bbox, box, atol=1.5 * pixel(detector, TALL))
+
+
 def test_what_is_unsure_is_left_out(tmp_path):
     path = detectors.write(tmp_path / "d.onnx")
     assert gp.Detector(path).min_score == 0.3
@@ -269,7 +278,10 @@ def test_other_outputs_are_named_beside_those_that_are_known(shapes, got, tmp_pa
         ({"shape": [1, 3, 64, 100000]}, "expected an input of at most 8192 pixels a side, 16777216 in all"),
         ({"shape": [10**6, 3, 64, 96]}, "expected an input of at most 8192 pixels a side, 16777216 in all"),
         ({"dtype": detectors.onnx.TensorProto.UINT8}, r"input images: expected .*, got tensor\(uint8\)"),
-        ({"others": {"im_shape": detectors.FLOAT}}, "expected no input but a picture .*, got im_shape"),
+        (
+            {"others": {"im_shape": (detectors.FLOAT, [1, 2])}},
+            "expected no input but a picture .*, got im_shape",
+        ),
     ],
 )
 def test_files_that_cannot_be_used_say_why(changes, text, tmp_path):
