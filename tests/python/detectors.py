@@ -221,8 +221,8 @@ def write(
 ) -> Path:
     """A detector that answers in a way of `WAYS`, or in one of the caller's.
 
-    `shape` and `dtype` are those that the file states of its input, `others` are the types and shapes of inputs
-    beside it.
+    `shape` and `dtype` are those that the file states of its input, `others` are the types and shapes of
+    inputs beside it.
     """
     answer, seen, _ = WAYS[way] if isinstance(way, str) else (way, seen, "")
     g = Graph()

@@ -115,7 +115,7 @@ def test_numbers_of_any_width_are_in_their_order(here):
 
 
 def film(path: Path, count: int = 4, turned: float = 0.0) -> Path:
-    """A red rectangle, ten frames a second from 0.5 s on."""
+    """A red rectangle, ten frames a second; the first is shown after 0.5 s."""
     av = pytest.importorskip("av", reason="PyAV is not installed (extra [video])")
     image, _ = street(WIDE)
     with av.open(str(path), "w") as container:
@@ -127,7 +127,7 @@ def film(path: Path, count: int = 4, turned: float = 0.0) -> Path:
             stream.set_display_rotation(turned)
         for number in range(count):
             frame = av.VideoFrame.from_ndarray(image, format="rgb24")
-            frame.pts = number
+            frame.pts = number + 5
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     return path
