@@ -82,13 +82,14 @@ def test_classes_and_scores_of_a_detector(here):
         (("frames/x_%04d.png", "--detector", "found.onnx"), "frames/x_%04d.png: expected names of pictures"),
         (("none/x_%04d.png", "--detector", "found.onnx"), "none/x_%04d.png: expected names of pictures"),
         (("frames/*.jpg", "--detector", "found.onnx"), "frames/*.jpg: expected names of pictures, got none"),
-        (("camera.json", "--detector", "found.onnx"), "--detector: is for images"),
+        (("camera.json", "--detector", "found.onnx"), "camera.json: expected a picture, got another kind"),
+        (("camera.json", "--detector-score", 0.5), "--detector-score: is for images, which are given with"),
     ],
 )
 def test_a_mistake_is_one_line_and_status_2(arguments, text, here):
     result = estimate(*arguments, "-o", "poses.jsonl")
     assert result.exit_code == 2, result.output
-    assert text in one_line(result)
+    assert text in " ".join(result.stderr.split())
 
 
 def test_pictures_by_a_pattern(here):
