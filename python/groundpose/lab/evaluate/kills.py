@@ -126,7 +126,7 @@ def _undisturbed(case: Case) -> float:
 def _interrupted(case: Case, sent: signal.Signals, after: float) -> tuple[bool, int]:
     """Whether the command ended before the signal, and how many processes were left."""
     mark = f"{os.getpid()}-{time.monotonic_ns()}"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     environment = {**os.environ, _MARK: mark}
     process = subprocess.Popen(_command(case), **quiet, env=environment, start_new_session=True)
     try:
