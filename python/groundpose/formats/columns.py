@@ -37,6 +37,7 @@ CORNERS = tuple(
 
 _XYZ = ("x", "y", "z")
 _NUMBERS = (
+    "time",
     *("probability", "class_probability", "vehicle_probability", "score"),
     *("left", "top", "right", "bottom"),
     *_XYZ,
@@ -125,6 +126,7 @@ def rows(frame: Frame, poses: PoseBatch) -> Iterator[list[Any]]:
     found: dict[str, NDArray[Any]] = dict(numbers(poses))
     for name in ("class_probability", "vehicle_probability"):  # where a network looked at it
         found[name] = getattr(poses, name, np.full(len(poses), np.nan))
+    found["time"] = np.full(len(poses), np.nan if frame.time is None else frame.time)
     found["score"] = np.array([np.nan if o.score is None else o.score for o in frame.objects], dtype=float)
     table = np.array([found[name] for name in _NUMBERS], dtype=float).T
     image = "" if frame.image is None else str(frame.image)
