@@ -120,7 +120,7 @@ class Inputs:
             raise InputError(f"{said}{path} is an input; give another folder")
 
     def _is_picture(self, path: Path) -> bool:
-        return is_picture(path) and path.parent.samefile(_folder(self.source))
+        return is_picture(path) and _same(path.parent, _folder(self.source))
 
     def _is_companion(self, path: Path) -> bool:
         """Whether it lies in a folder of boxes or calibrations under the name of a picture."""
