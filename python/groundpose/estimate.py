@@ -122,6 +122,7 @@ def estimate_poses(
         _said("vehicle_probability", vehicle_probability, (count,)),
         _said("viewing_angle_probabilities", viewing_angle_probabilities, (count, _core.VIEWING_ANGLES)),
     )
+    nominal = {"nominal_view": view, "nominal_tilt_sigma": np.full(2, np.nan if sigma is None else sigma)}
     out = _core.estimate_batch(view._handle, *data, options._handle, workers, sigma, *said)
     if sigma is not None:
         view = replace(view, pitch=out.pop("pitch"), roll=out.pop("roll"))
@@ -131,7 +132,7 @@ def estimate_poses(
     given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
     given["error_dof"] = np.inf if options.keypoint_error_dof is None else options.keypoint_error_dof
     given["scale_covariance"] = np.zeros((count, out["shape_coefficients"].shape[1] + 1))
-    return PoseBatch._of(given | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
+    return PoseBatch._of(given | nominal | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:

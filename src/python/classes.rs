@@ -86,6 +86,30 @@ impl PyCamera {
         of_each(py, points, |p| self.0.project(&p.into()).unwrap_or([f64::NAN; 2]))
     }
 
+    fn image_of<'py>(
+        &self,
+        py: Python<'py>,
+        points_camera: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let pixels: Vec<[f64; 2]> = rows::<3, _>("points_camera", &points_camera)?
+            .iter()
+            .map(|&p| self.0.image_of(&p.into()).unwrap_or([f64::NAN; 2]))
+            .collect();
+        to_matrix(py, &pixels)
+    }
+
+    fn directions_of<'py>(
+        &self,
+        py: Python<'py>,
+        pixels: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let directions: Vec<[f64; 3]> = rows::<2, _>("pixels", &pixels)?
+            .iter()
+            .map(|&p| self.0.direction_of(p).map_or([f64::NAN; 3], Into::into))
+            .collect();
+        to_matrix(py, &directions)
+    }
+
     fn rays<'py>(&self, py: Python<'py>, pixels: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         of_each(py, rows::<2, _>("pixels", &pixels)?, |p| self.0.ray(p).into())
     }

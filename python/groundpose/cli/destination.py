@@ -9,14 +9,13 @@ from glob import escape
 from pathlib import Path
 
 from groundpose._core import InputError
-from groundpose.cli.inputs import PICTURES
+from groundpose.cli.inputs import is_picture
 from groundpose.cli.output import refuse
 
 FORMATS = {"jsonl": ".jsonl", "kitti": ".txt", "table": ".txt", "csv": ".csv", "parquet": ".parquet"}
 """Names of the formats, and the ending of a file of each."""
 _BY_ENDING = {".jsonl": "jsonl", ".ndjson": "jsonl", ".json": "jsonl", ".csv": "csv", ".parquet": "parquet"}
 _BY_ENDING |= {".txt": "kitti"}
-_DRAWN = PICTURES | {".svg", ".pdf"}
 _LONGEST = 150  # bytes of a name, of the 255 that file systems allow
 
 
@@ -31,7 +30,7 @@ def chosen_format(form: str, out: Path | None, images: bool) -> str:
     if form and form not in FORMATS:
         refuse(f"--format: expected {', '.join(FORMATS)}, got {form!r}")
     ending = "" if out is None or out.is_dir() else out.suffix.lower()
-    if not ending or (images and ending in _DRAWN):
+    if not ending or (images and out is not None and _is_drawn(out)):
         return form or "jsonl"
     if form in ("kitti", "table") and ending not in _BY_ENDING:
         return form  # a folder of KITTI's texts may be called anything, and so may a table
@@ -41,6 +40,10 @@ def chosen_format(form: str, out: Path | None, images: bool) -> str:
     if form and form != meant and not (form == "table" and meant == "kitti"):
         refuse(f"-o {out}: expected a file that ends in {FORMATS[form]} for --format {form}, got {ending}")
     return form or meant
+
+
+def _is_drawn(path: Path) -> bool:
+    return path.suffix.lower() in (".svg", ".pdf") or is_picture(path)
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ class Destination:
         if texts or out.is_dir() or not ending:
             lines = None if texts else out / f"poses{FORMATS[form]}"
             return cls(lines, out / "{id}_poses.png", _folder_of_texts(out) if texts else out)
-        if ending in _DRAWN:
+        if _is_drawn(out):
             return cls(out.with_suffix(FORMATS[form]), out)
         return cls(out, out.with_suffix("") / "{id}_poses.png" if several else out.with_suffix(".png"))
 
@@ -117,14 +120,14 @@ class Inputs:
             raise InputError(f"{said}{path} is an input; give another folder")
 
     def _is_picture(self, path: Path) -> bool:
-        return path.suffix.lower() in PICTURES and path.parent.samefile(_folder(self.source))
+        return is_picture(path) and path.parent.samefile(_folder(self.source))
 
     def _is_companion(self, path: Path) -> bool:
         """Whether it lies in a folder of boxes or calibrations under the name of a picture."""
         if not any(given.is_dir() and path.parent.samefile(given) for given in self.others):
             return False
         beside = _folder(self.source).glob(f"{escape(path.stem)}.*")
-        return any(other.suffix.lower() in PICTURES for other in beside)
+        return any(map(is_picture, beside))
 
 
 def _folder(path: Path) -> Path:

@@ -15,6 +15,7 @@ import typer
 from groundpose._checks import blamed, radians
 from groundpose._core import InputError
 from groundpose.cli.asked import asked
+from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.destination import FORMATS, Destination, Inputs, chosen_format
 from groundpose.cli.inputs import NetworkFile, is_image
@@ -40,8 +41,9 @@ def estimate(
         Path,
         typer.Argument(
             metavar="INPUT",
-            help="An image, a folder of images or a video, with [bold]--boxes[/bold]; or frames with "
-            "keypoints: one (.json), JSON lines (.jsonl), or - for standard input.",
+            help="An image, a folder of images, a pattern ('frame_%06d.png', 'frame_*.png') or a video, with "
+            "[bold]--boxes[/bold] or [bold]--detector[/bold]; or frames with keypoints: one (.json), JSON "
+            "lines (.jsonl), or - for standard input.",
         ),
     ],
     boxes: Annotated[
@@ -49,6 +51,23 @@ def estimate(
         typer.Option(
             help="2D boxes: KITTI, COCO, YOLO, VOC, CVAT, MOT, CSV, JSON ...; of a folder one file or "
             "a folder."
+        ),
+    ] = None,
+    detector: Annotated[
+        Path | None,
+        typer.Option(
+            help="Instead of boxes, a detector that was exported to ONNX: YOLOX, YOLOv5 to YOLO26, RT-DETR, "
+            "RF-DETR, DETR.",
+            metavar="FILE",
+        ),
+    ] = None,
+    detector_score: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Leave out what the detector is less sure of.",
+            show_default="0.3 for YOLO, 0.5 for DETR",
         ),
     ] = None,
     classes: Annotated[
@@ -181,6 +200,8 @@ def estimate(
 
       groundpose estimate drive.mp4 --boxes coco.json --calib camera.json -o results/ --no-pictures
 
+      groundpose estimate frames/ --detector yolox_s.onnx --calib camera.yaml -o results/
+
       groundpose estimate drive/ --boxes coco.json --calib camera.json --height 1.65 --region europe -o out/
 
       groundpose estimate drive/ --boxes boxes/ --calib camera.json -o poses.csv --no-pictures --strict
@@ -197,16 +218,19 @@ def estimate(
         frame = _frame(height, region, learn_camera)
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
         mounting = Mounting(pitch, roll, height, sigma, frame, learned)
-        read = Inputs(source, tuple(path for path in (boxes, calib, network, learn_camera) if path))
+        read = Inputs(source, tuple(path for path in (boxes, detector, calib, network, learn_camera) if path))
         job = _Job(options, threads, mounting, out, form, draw, strict, read, said)
         meant = _meant(classes or [])
         if boxes is not None or is_image(source):
             seen_by = CameraChoice(calib, camera, fov_deg)
+            found_by = BoxChoice(boxes, detector, detector_score)
             status = job.images(
-                source, boxes, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
+                source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
             )
         else:
             for_images = {
+                "detector": detector,
+                "detector-score": detector_score,
                 "calib": calib,
                 "camera": camera,
                 "fov-deg": fov_deg,
@@ -258,7 +282,7 @@ class _Job:
     def images(
         self,
         source: Path,
-        boxes: Path | None,
+        boxes: BoxChoice,
         camera: CameraChoice,
         network: Path | None,
         vehicle_threshold: float | None,
@@ -271,8 +295,7 @@ class _Job:
         from groundpose.cli.images import STYLE, ImageWork
         from groundpose.keypoints.pipeline import Pipeline  # with the network and the vehicles' models
 
-        if boxes is None:
-            refuse(f"{source}: is an image or a folder; give the 2D boxes too, --boxes FILE")
+        boxes.check(source)
         pipeline = Pipeline(
             network,
             options=self.options,
@@ -291,7 +314,7 @@ class _Job:
         """Estimate frames that have keypoints; returns the exit status."""
         for name, value in for_images.items():
             if value is not None:
-                refuse(f"--{name}: is for images, which are given with --boxes")
+                refuse(f"--{name}: is for images, which are given with --boxes or --detector")
         with _open(source) as frames:
             work = _FrameWork(frames, self.options, self.threads, self.mounting)
             form = chosen_format(self.form, self.out, images=False)

@@ -116,19 +116,31 @@ class Work(Protocol):
 
 @dataclass
 class Tally:
-    """What a run has done so far: `items` of the work, the vehicles in them and their poses, the errors."""
+    """What a run has done so far: `items` of the work, the vehicles in them and their poses, the errors, and
+    what looks wrong in the inputs by its kind."""
 
     begun: float = field(default_factory=time.monotonic)
     items: int = 0
     vehicles: int = 0
     poses: int = 0
     errors: list[InputError] = field(default_factory=list)
+    remarks: dict[str, list[str]] = field(default_factory=dict)
 
     def add(self, result: Result) -> None:
         """One item more."""
         self.items += 1
         self.vehicles += result.vehicles
         self.poses += int(result.poses.ok.sum())
+        for remark in result.poses.remarks:
+            kind = remark.partition(":")[0]
+            self.remarks.setdefault(kind, []).append(f"{result.frame.place}: {remark}")
+
+    def remark_lines(self, noun: str) -> list[str]:
+        """The first remark of each kind, and how many more there are."""
+        return [
+            first + (f" (and {len(more)} more {noun})" if more else "")
+            for first, *more in self.remarks.values()
+        ]
 
     def line(self, noun: str, place: object) -> str:
         """The run in a line: `9 images, 46 vehicles, 45 poses, results/poses.jsonl, 0.9 s`."""
@@ -214,7 +226,7 @@ def _report(work: Work, output: Output, tally: Tally, strict: bool) -> int:
     """Say what is to be said; the exit status."""
     for error in tally.errors:
         complain(error)
-    for remark in work.remarks():
+    for remark in (*work.remarks(), *tally.remark_lines(work.noun)):
         say(remark)
     if tally.errors and work.several:
         bad = len(tally.errors)

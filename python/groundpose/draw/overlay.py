@@ -39,7 +39,7 @@ def draw_overlay(image: ArrayLike | None, poses: PoseBatch, axes: Axes | None = 
     """
     axes = _new_axes() if axes is None else axes
     pixels = show(axes, checked_image(image, poses))
-    for index in np.argsort(np.where(poses.ok, -poses.t[:, 2], -np.inf)):  # far ones first
+    for index in np.argsort(np.where(poses.ok, -np.linalg.norm(poses.t, axis=1), -np.inf)):  # far ones first
         draw_object(axes, poses, int(index))
     height, width = pixels.shape[:2]
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=(), yticks=())
@@ -123,7 +123,7 @@ def _draw_keypoints(
         return
     if pose.ok:
         hidden = pose.keypoints_3d[~seen] @ pose.R.T + pose.t
-        places = poses.view.camera.distort(poses.view.project(hidden))
+        places = poses.view.camera.image_of(hidden)
         _scatter(axes, places, s=(0.75 * mark) ** 2, facecolors="none", edgecolors=MISSING, linewidths=0.8)
     wrong = pose.keypoints_2d[seen & ~inlier]
     _scatter(axes, wrong, s=(0.9 * mark) ** 2, marker="x", color=OUTLIER, linewidths=0.25 * mark)

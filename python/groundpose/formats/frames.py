@@ -11,6 +11,7 @@ A frame is one object, in a file of its own or on one line of a JSON-lines file:
       "pitch_deg": 0.6, "roll_deg": 0,       # optional, default 0; or
       "gravity": [0.0, 1.0, 0.01],           # downwards, camera frame, instead of the two
       "camera_height": 1.5,                  # optional, metres
+      "time": 12.3,                          # optional, seconds
       "image": "000123.png",                 # optional, used by --draw
       "models": {"car": {"keypoints_3d": [[x, y, z], ...],
                          "bbox_3d": [[x, y, z], [x, y, z]],   # the rest is optional
@@ -57,7 +58,7 @@ _NAMES = "keypoint_names"
 _LIMITS = {"pitch_deg": 90.0, "roll_deg": 180.0}
 OBJECT_MEMBERS = ("id", "model", "keypoints_2d", "keypoint_scores", "bbox", "truth")
 TILT_MEMBERS = ("pitch_deg", "roll_deg", "gravity", "camera_height")
-FRAME_MEMBERS = ("id", "camera", *TILT_MEMBERS, "image", "models", "objects")
+FRAME_MEMBERS = ("id", "time", "camera", *TILT_MEMBERS, "image", "models", "objects")
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class FrameObject:
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame: where it came from, the view, its objects and their models."""
+    """One frame: where it came from, the view, its objects and their models, its time in seconds."""
 
     id: str | int
     place: str
@@ -83,6 +84,7 @@ class Frame:
     image: Path | None
     objects: tuple[FrameObject, ...]
     models: tuple[ShapeModel, ...]
+    time: float | None = None
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -181,7 +183,7 @@ def read_frame(
     view = read_view(root)
     items = root.need("objects").items()
     objects = tuple(_object(item, i, models) for i, item in enumerate(items))
-    image, name = root.get("image"), root.get("id")
+    image, name, time = root.get("image"), root.get("id"), root.get("time")
     return Frame(
         id=name.label() if name else default_id,
         place=root.place,
@@ -189,6 +191,7 @@ def read_frame(
         image=folder / image.text() if image else None,
         objects=objects,
         models=tuple(models[o.model] for o in objects),
+        time=time.number() if time else None,
     )
 
 

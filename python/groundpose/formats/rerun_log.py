@@ -124,7 +124,7 @@ class RerunLog:
         )
         given = np.asarray(np.isfinite(poses.keypoints_2d).all(axis=2))
         hidden = [
-            poses.view.project(pose.keypoints_3d[~seen[: len(pose.keypoints_3d)]] @ pose.R.T + pose.t)
+            poses.view.camera.image_of(pose.keypoints_3d[~seen[: len(pose.keypoints_3d)]] @ pose.R.T + pose.t)
             for pose, seen in zip(poses, given, strict=True)
             if pose.ok
         ]

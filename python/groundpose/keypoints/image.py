@@ -25,8 +25,16 @@ _ORIENTATION, _UPRIGHT = 0x0112, 1
 """EXIF's tag and its value for a picture that is stored as it is shown."""
 _DRAWINGS = ("EPS", "PDF", "WMF")
 """Formats that other programs would have to draw."""
+_FOREIGN = ("BUFR", "GRIB", "HDF5", "MPEG")
+"""Formats that Pillow knows by name and cannot read."""
 _DEPTHS = (8, 10, 12, 14, 16)
 """Bits that cameras use; a file of 16 bits may hold less."""
+
+
+def endings() -> frozenset[str]:
+    """Endings of names of pictures, ".png": of all formats of pixels that Pillow reads."""
+    known = Image.registered_extensions().items()
+    return frozenset(end for end, form in known if form in Image.OPEN and form not in (*_DRAWINGS, *_FOREIGN))
 
 
 def as_rgb(image: Picture, exif: bool = True) -> ByteArray:

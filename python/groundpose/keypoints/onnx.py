@@ -36,6 +36,7 @@ class OnnxFile:
         path: the file.
         metadata: what it says of itself, str to str.
         inputs, outputs: the shapes by name; a length that is not fixed is a str or None.
+        types: onnxruntime's of the inputs, "tensor(float)".
     """
 
     def __init__(self, path: str | PathLike[str], threads: int | None = None) -> None:
@@ -61,12 +62,13 @@ class OnnxFile:
             {node.name: tuple(node.shape) for node in nodes}
             for nodes in (self._session.get_inputs(), self._session.get_outputs())
         )
+        self.types = {node.name: str(node.type) for node in self._session.get_inputs()}
 
     def fail(self, expected: str, got: object, where: str = "") -> NoReturn:
         """Raise the error of this file; `where` in it."""
         raise input_error(f"{self.path}: {where}" if where else str(self.path), expected, got)
 
-    def run(self, outputs: Sequence[str], **inputs: NDArray[Any]) -> list[NDArray[Any]]:
+    def run(self, outputs: Sequence[str], /, **inputs: NDArray[Any]) -> list[NDArray[Any]]:
         """The outputs. Raises InputError where the network cannot be run on these inputs."""
         try:
             answers: list[NDArray[Any]] = self._session.run(list(outputs), inputs)

@@ -21,7 +21,6 @@ from groundpose.keypoints.decode import Detections
 from groundpose.keypoints.image import Picture, as_rgb
 from groundpose.keypoints.network import Network
 from groundpose.options import Options
-from groundpose.plausibility import answer_remarks, box_remarks, camera_remarks
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import View
@@ -54,7 +53,8 @@ class VehiclePoses(PoseBatch):
         keypoint_scores: (N, P) probability of each keypoint to be right, NaN beyond an object's own.
         seconds: what the steps took: "crop", "network", "decode", "solve".
         ids: (N,) str or int of the objects: of their tracks or boxes where these have any, else 0 to N - 1.
-        input_remarks: what looks wrong in the camera and in the boxes, each as "kind: details".
+        box_remarks: what was done to the boxes that were given, each as "kind: details"; `remarks` has them
+            too.
     """
 
     classes: NDArray[np.str_]
@@ -64,13 +64,18 @@ class VehiclePoses(PoseBatch):
     keypoint_scores: FloatArray
     seconds: Mapping[str, float]
     ids: NDArray[np.object_]
-    input_remarks: tuple[str, ...]
+    box_remarks: tuple[str, ...]
 
     def __repr__(self) -> str:
         """How many of what have an answer."""
         named, counts = np.unique(self.classes[self.ok], return_counts=True)
         what = ", ".join(f"{count} {class_name}" for class_name, count in zip(named, counts, strict=True))
         return f"VehiclePoses({int(self.ok.sum())} of {len(self)} ok{': ' * bool(what)}{what})"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What looks wrong in the input: `PoseBatch.remarks` and what was done to the boxes."""
+        return (*self.box_remarks, *super().remarks)
 
     @property
     def class_probability(self) -> FloatArray:
@@ -228,12 +233,7 @@ class Pipeline:
             keypoint_scores=scores,
             seconds=found.seconds,
             ids=_objects([box.id for box in given.boxes]),
-            input_remarks=(
-                *given.remarks,
-                *camera_remarks(view),
-                *box_remarks(boxes[~others], size),
-                *answer_remarks(status[~others]),
-            ),
+            box_remarks=given.remarks,
         )
 
     def detect(self, image: ByteArray, bboxes: FloatArray) -> Found:

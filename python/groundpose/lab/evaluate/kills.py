@@ -32,6 +32,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 TIMES = 50
 _GRACE = 3.0
 """Seconds in which the children of a process that has ended must end too."""
+_LATEST = 12.0
+"""Seconds after which a command is interrupted at the latest: it goes on, so later stages have their turn."""
 _MARK = "GROUNDPOSE_KILLS"
 """Environment variable that the processes of a run hand down."""
 
@@ -97,7 +99,7 @@ def run(
     found |= {"half_files": [], "left_processes": 0}
     for number in range(times):
         sent = SIGNALS[number % len(SIGNALS)]
-        finished, left = _interrupted(case, sent, rng.uniform(0.0, seconds))
+        finished, left = _interrupted(case, sent, rng.uniform(0.0, min(seconds, _LATEST)))
         found["finished" if finished else "ended_early"] += 1
         found["left_processes"] += left
         found["half_files"] += [f"{sent.name}: {line}" for line in halves(Path(case.out))]
@@ -124,7 +126,7 @@ def _undisturbed(case: Case) -> float:
 def _interrupted(case: Case, sent: signal.Signals, after: float) -> tuple[bool, int]:
     """Whether the command ended before the signal, and how many processes were left."""
     mark = f"{os.getpid()}-{time.monotonic_ns()}"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     environment = {**os.environ, _MARK: mark}
     process = subprocess.Popen(_command(case), **quiet, env=environment, start_new_session=True)
     try:
