@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import detectors
 import groundpose as gp
 import numpy as np
 from conftest import CAMERA, MODEL, VIEW, make_batch
@@ -202,9 +203,8 @@ def metadata(draw: random.Random, content: bytes) -> bytes:
     del model.metadata_props[:]
     onnx.helper.set_model_props(model, {k: v.replace("\ud800", "?") for k, v in said.items()})
     if draw.random() < 0.15:
-        value = draw.choice([*model.graph.input, *model.graph.output])
-        length = draw.choice(value.type.tensor_type.shape.dim)
-        length.dim_value = draw.choice((0, 1, 7, 2**31, 2**62))
+        dims = [d for v in (*model.graph.input, *model.graph.output) for d in v.type.tensor_type.shape.dim]
+        draw.choice(dims).dim_value = draw.choice((0, 1, 7, 2**31, 2**62))
     return bytes(model.SerializeToString())
 
 
@@ -248,6 +248,10 @@ def _table(path: Path) -> None:
 def _network(path: Path) -> None:
     network = gp.Network(path, threads=1)
     network.detect(np.zeros((1, network.codec.height, network.codec.width, 3), np.uint8))
+
+
+def _detector(path: Path) -> None:
+    gp.Detector(path, threads=1)(np.full((60, 90, 3), 20, np.uint8))
 
 
 def _drive(path: Path) -> None:
@@ -415,7 +419,15 @@ def kinds() -> dict[str, Kind]:
         "settings of drives": Kind([_saved(_settings)], tree, _drive, 0.3, SETTINGS),
         "pictures": Kind(_pictures(), raw, as_rgb, 2.0),
         "networks": Kind([network], metadata, _network, 0.6),
+        "detectors": Kind(_detectors(), metadata, _detector, 0.6),
     }
+
+
+def _detectors() -> list[bytes]:
+    names = {"names": str({0: "person", 2: "car"}), "task": "detect", "stride": "32"}
+    return [
+        _saved(lambda path, way=way: detectors.write(path, way, metadata=names)) for way in detectors.WAYS
+    ]
 
 
 def _settings(path: Path) -> None:
