@@ -24,6 +24,7 @@ from groundpose.sizes import ClassSize, SizePrior
 from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
+    from groundpose.detector.detector import Detector
     from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
 
@@ -31,6 +32,7 @@ __version__: str = build_info()["version"]
 
 # What needs onnxruntime and the vehicles' models is imported when it is first asked for.
 _LAZY = {
+    "Detector": "groundpose.detector.detector",
     "Network": "groundpose.keypoints.network",
     "Pipeline": "groundpose.keypoints.pipeline",
     "VehiclePoses": "groundpose.keypoints.pipeline",
@@ -41,6 +43,7 @@ __all__ = [
     "Camera",
     "CameraState",
     "ClassSize",
+    "Detector",
     "EstimatedView",
     "FramePriors",
     "InputError",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,15 +61,16 @@ def _field_deg(camera: Camera, width: int) -> tuple[float, float]:
     return WIDEST_FISHEYE_DEG if math.isnan(across) else across, WIDEST_FISHEYE_DEG
 
 
-def box_remarks(bboxes: FloatArray, size: Size) -> list[str]:
-    """Of boxes (N, 4) left, top, right, bottom of an image (width, height); NaN is not judged."""
-    if not len(bboxes):
+def box_remarks(bboxes: FloatArray, size: Size | None) -> list[str]:
+    """Of boxes (N, 4) left, top, right, bottom of an image (width, height), if that is known; NaN is not
+    judged."""
+    if (size is not None and _all_fit(bboxes, size)) or not np.isfinite(bboxes).any():
         return []
     left, top, right, bottom = bboxes.T
     with np.errstate(invalid="ignore"):
         backward = int(((right < left) | (bottom < top)).sum())
-        beyond = int((~_inside(bboxes, size)).sum())
-    reading = other_reading(bboxes, size)
+        beyond = 0 if size is None else int((~_inside(bboxes, size)).sum())
+    reading = "" if size is None else other_reading(bboxes, size)
     hint = f"; are they {reading}?" if reading else ""
     count, said = len(bboxes), []
     if _fractions(bboxes):
@@ -77,7 +78,7 @@ def box_remarks(bboxes: FloatArray, size: Size) -> list[str]:
     if backward:
         ask = hint or "; are they left, top, width, height?"
         said.append(f"boxes with right < left or bottom < top: {backward} of {count}{ask}")
-    if beyond:
+    if size is not None and beyond:
         said.append(
             f"boxes outside the image: {beyond} of {count} end far beyond {size[0]} x {size[1]}"
             f"{hint or '; are they of another image size?'}"
@@ -85,13 +86,13 @@ def box_remarks(bboxes: FloatArray, size: Size) -> list[str]:
     return said
 
 
-def answer_remarks(status: Iterable[str]) -> list[str]:
+def answer_remarks(status: Collection[str]) -> list[str]:
     """Of N statuses: that none is "ok"."""
-    counts = Counter(map(str, status))
-    if not counts or "ok" in counts:
+    if not len(status) or "ok" in status:
         return []
+    counts = Counter(map(str, status))
     why = ", ".join(f"{count} {reason}" for reason, count in counts.most_common())
-    return [f"no answer: none of {counts.total()} boxes has a pose ({why})"]
+    return [f"no answer: none of {counts.total()} objects has a pose ({why})"]
 
 
 def other_reading(bboxes: FloatArray, size: Size) -> str:
@@ -141,3 +142,17 @@ def _fits(bboxes: FloatArray, size: Size) -> Mask:
     """(N,): which boxes have an area and are inside the image but for `BEYOND`."""
     sides = bboxes[:, 2:] - bboxes[:, :2]
     return np.asarray((sides >= SMALLEST).all(axis=1) & _inside(bboxes, size))
+
+
+def _all_fit(bboxes: FloatArray, size: Size) -> bool:
+    """Whether all boxes fit, in a tenth of the time for the few that an image has."""
+    (width, height), more = size, 1.0 + BEYOND
+    return all(
+        left >= -BEYOND * width
+        and top >= -BEYOND * height
+        and right <= more * width
+        and bottom <= more * height
+        and right - left >= SMALLEST
+        and bottom - top >= SMALLEST
+        for left, top, right, bottom in bboxes.tolist()
+    )

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from groundpose import _core
 from groundpose._checks import (
     FloatArray,
+    describe,
     finite,
     float_array,
     input_error,
@@ -237,4 +238,7 @@ def _row_by_row(
 def _image_size(value: object) -> tuple[int, int]:
     if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != 2:
         raise type_error("image_size", "(width, height)", value)
-    return integer("image_size", value[0]), integer("image_size", value[1])
+    width, height = (integer("image_size", side) for side in value)
+    if not max(width, height) < 2**31:
+        raise input_error("image_size", "at most 2**31 - 1 pixels", f"{describe(width)}, {describe(height)}")
+    return width, height

@@ -98,5 +98,5 @@ def test_answers():
     assert answer_remarks([]) == []
     assert answer_remarks(["ok", "no_consensus"]) == []
     assert answer_remarks(["no_consensus", "not_a_vehicle", "no_consensus"]) == [
-        "no answer: none of 3 boxes has a pose (2 no_consensus, 1 not_a_vehicle)"
+        "no answer: none of 3 objects has a pose (2 no_consensus, 1 not_a_vehicle)"
     ]

@@ -21,6 +21,8 @@ _MARK, _SMALLEST_MARK, _LARGEST_MARK = 0.05, 2.0, 5.5
 # hide them.
 _DETAILED = 24.0
 
+_LARGEST_BLANK = 8192  # pixels of a side that keypoints span where there is no image
+
 
 def draw_overlay(image: ArrayLike | None, poses: PoseBatch, axes: Axes | None = None) -> Axes:
     """2D boxes, projected 3D boxes with their front face in yellow, shapes and keypoints over the image.
@@ -157,9 +159,12 @@ def checked_image(image: Any, poses: PoseBatch) -> NDArray[Any]:
     size = poses.view.camera.image_size
     if image is None:
         if size is None:
-            points = poses.keypoints_2d[np.isfinite(poses.keypoints_2d).all(axis=2)]
+            points = poses.keypoints_2d
+            points = points[((points >= 0.0) & (points < _LARGEST_BLANK)).all(axis=2)]
             far = points.max(axis=0) + 20.0 if len(points) else (640.0, 480.0)
             size = (int(far[0]), int(far[1]))
+        if max(size) > 2 * _LARGEST_BLANK:
+            raise input_error("image", f"one, where the camera's image is {size[0]} x {size[1]}", "none")
         return np.full((size[1], size[0]), 245, dtype=np.uint8)
     pixels = np.asarray(image)
     if pixels.dtype.kind not in "uf" or pixels.ndim not in (2, 3):
