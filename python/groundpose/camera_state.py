@@ -26,8 +26,8 @@ class CameraState:
     """Height and mean tilt of a camera and the sizes of the vehicles before it, learned from the frames that
     are estimated with `frame=` this state.
 
-    A tenth of each frame's information is taken: frames of a drive show the same vehicles. Without a height
-    only the tilt is learned.
+    A small part of each frame's information is taken: frames of a drive show the same vehicles. Without a
+    height only the tilt is learned.
 
     >>> view = gp.View(gp.Camera(fx=1000, fy=1000, cx=640, cy=360), height=1.65)
     >>> state = gp.CameraState(view, gp.FramePriors(size=gp.SizePrior.region("europe")))
@@ -152,7 +152,7 @@ class CameraState:
         return state
 
 
-_KEPT = ("pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope")
+_KEPT = ("pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope", "curvature")
 
 
 def _stored_view(content: dict[str, Any]) -> View:

@@ -84,7 +84,9 @@ impl Scene {
     fn add(&mut self, random: &mut Random, class: usize, log_size: f64, [x, z]: [f64; 2]) {
         let height = self.truth.height.unwrap();
         let distance = Vector3::new(x, height, z).norm();
-        let unevenness = (self.priors.roughness.powi(2) + (self.priors.slope * distance).powi(2)).sqrt() / height;
+        let bend = 0.5 * self.priors.curvature * x.hypot(z).powi(2);
+        let unevenness =
+            (self.priors.roughness.powi(2) + (self.priors.slope * distance).powi(2) + bend.powi(2)).sqrt() / height;
         let y = height * (unevenness * random.normal()).exp();
         // The bottom centre of the object, as large as it is, stands on the road.
         let mut pose = Pose::upright(&self.truth, random.between(-3.0, 3.0), [x, y, z].into());
