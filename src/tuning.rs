@@ -226,7 +226,7 @@ pub(crate) const HEIGHT_OF_FRAMES: f64 = 0.02;
 /// Part of a frame's information that a camera's state takes: frames of a drive show the same vehicles.
 pub(crate) const CARRIED_INFORMATION: f64 = 0.03;
 /// Most of what is told of a frame's variance that differs from frame to frame; the rest belongs to the drive.
-pub(crate) const MOST_OF_FRAMES: f64 = 0.9;
+pub(crate) const MOST_OF_FRAMES: f64 = 0.5;
 /// Degrees of freedom of contacts about the road: wrong poses, ramps. Chosen by hand.
 pub(crate) const CONTACT_DOF: f64 = 4.0;
 /// A bottom centre above this fraction of the camera's height counts as there: above the horizon there is no logarithm.

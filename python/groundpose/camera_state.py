@@ -17,6 +17,10 @@ from groundpose.frame import FramePriors, remarks
 from groundpose.sizes import ClassSize, SizePrior
 from groundpose.types import Camera, View
 
+CONFLICT = 1.2
+"""Standard deviations between the nominal height and the vehicles of all frames from which there is a remark. So
+little of each frame's information is taken that at right heights they disagree by half a one, root mean
+square."""
 _VERSION = 1
 _CLASSES = 3
 """Numbers before those of the classes: pitch, roll, log height."""
@@ -81,7 +85,7 @@ class CameraState:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What looks wrong in the nominal view, from all frames."""
-        return remarks(np.nan if self._conflict is None else self._conflict)
+        return remarks(np.nan if self._conflict is None else self._conflict, CONFLICT)
 
     def start_drive(self) -> None:
         """The mean tilt is open again: another drive, or the camera was touched. Height and sizes stay."""

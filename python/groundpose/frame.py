@@ -117,12 +117,13 @@ class EstimatedView(View):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What looks wrong in the nominal view."""
-        return remarks(self.height_conflict)
+        return remarks(self.height_conflict, CONFLICT)
 
 
-def remarks(height_conflict: float) -> tuple[str, ...]:
-    """What is to be said when vehicles and nominal height disagree by so many standard deviations."""
-    if not abs(height_conflict) > CONFLICT:
+def remarks(height_conflict: float, least: float) -> tuple[str, ...]:
+    """What is to be said when vehicles and nominal height disagree by so many standard deviations, from `least`
+    on."""
+    if not abs(height_conflict) > least:
         return ()
     where = "higher" if height_conflict > 0.0 else "lower"
     by = f"{abs(height_conflict):.1f} standard deviations"

@@ -22,6 +22,7 @@ from groundpose.formats.frames import Frame, FrameObject
 from groundpose.formats.kitti.labels import TYPE_OF
 from groundpose.formats.records import pose_record, tilt_members
 from groundpose.formats.skips import Skips
+from groundpose.frame import EstimatedView
 from groundpose.keypoints.image import as_rgb
 from groundpose.keypoints.pipeline import NOT_A_VEHICLE, Pipeline, VehiclePoses
 from groundpose.plausibility import other_reading
@@ -126,7 +127,8 @@ class ImageWork:
         self.kept += len(boxes)
         self.no_vehicle += int((poses.status == NOT_A_VEHICLE).sum())
         poses = replace(poses, input_remarks=(*found.remarks, *poses.input_remarks))
-        for remark in poses.input_remarks:
+        of_frame = poses.view.remarks if isinstance(poses.view, EstimatedView) else ()
+        for remark in (*poses.input_remarks, *of_frame):
             self._remarks.setdefault(remark.partition(":")[0], []).append(f"{path}: {remark}")
         return Result(_frame(label, path, boxes, poses), poses, pixels)
 
