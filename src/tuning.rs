@@ -234,7 +234,7 @@ pub(crate) const CONTACT_DOF: f64 = 4.0;
 pub(crate) const LOWEST_CONTACT: f64 = 0.15;
 /// Steps of the frame solve; it ends earlier when no unknown changes by more than the smallest step, and none is longer
 /// than the largest. Chosen by hand.
-pub(crate) const SOLVE_ITERATIONS: usize = 10;
+pub(crate) const SOLVE_ITERATIONS: usize = 12;
 pub(crate) const SMALLEST_FRAME_STEP: f64 = 1e-6;
 pub(crate) const LARGEST_FRAME_STEP: f64 = 0.3;
 /// Largest pitch of a solved frame, radians: at the nadir there is no roll. Chosen by hand.

@@ -33,11 +33,11 @@ impl Scene {
         Self::with(random, objects, nominal, priors, [6.0, 45.0])
     }
 
-    /// A camera above a road, whose tilt is known to three degrees.
+    /// A camera above a road that hardly bends, whose tilt is known to three degrees.
     pub fn road_side(random: &mut Random, objects: usize) -> Self {
         let tilt = Tilt { pitch: random.between(-0.5, -0.2), roll: 0.0 };
         let sigma = 3.0_f64.to_radians();
-        let priors = FramePriors { pitch_sigma: sigma, roll_sigma: sigma, ..FramePriors::default() };
+        let priors = FramePriors { pitch_sigma: sigma, roll_sigma: sigma, curvature: 2e-5, ..FramePriors::default() };
         let nominal = View::new(camera(), tilt).unwrap().with_height(7.0).unwrap();
         Self::with(random, objects, nominal, priors, [10.0, 50.0])
     }

@@ -95,12 +95,13 @@ def thresholds(scores: Sequence[float], objects: int) -> list[float]:
     """The scores of hits whose recalls are nearest to 0, 1/40, ... 1."""
     ranked = sorted(scores, reverse=True)
     found: list[float] = []
+    recall = 0.0
     for k, score in enumerate(ranked):
         left, last = (k + 1) / objects, k == len(ranked) - 1
         right = left if last else (k + 2) / objects
-        recall = len(found) / RECALLS
         if last or right - recall >= recall - left:
             found.append(score)
+            recall += 1.0 / RECALLS  # summed as officially: ties depend on it
     return found[:_SAMPLES]
 
 
