@@ -18,8 +18,8 @@ from groundpose.sizes import ClassSize, SizePrior
 from groundpose.types import Camera, View
 
 CONFLICT = 1.2
-"""Standard deviations between the nominal height and the vehicles of all frames from which there is a remark. So
-little of each frame's information is taken that at right heights they disagree by half a one, root mean
+"""Standard deviations between the nominal height and the vehicles of all frames from which there is a remark.
+So little of each frame's information is taken that at right heights they disagree by half a one, root mean
 square."""
 _VERSION = 1
 _CLASSES = 3

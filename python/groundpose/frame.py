@@ -33,8 +33,8 @@ class FramePriors(Value):
         roughness: metres, of the road under a vehicle about the plane through all.
         slope: radians, the same in proportion to the distance.
         size: how large vehicles are; None: as large as their shape models, within 8 %.
-        curvature: 1 / metres, how the road bends up and down: the plane is off by half of it times the squared
-            distance.
+        curvature: 1 / metres, how the road bends up and down: the plane is off by half of it times the
+            squared distance.
 
     Raises:
         InputError: a standard deviation that is not positive or absurdly large. TypeError: not a number.
@@ -121,8 +121,8 @@ class EstimatedView(View):
 
 
 def remarks(height_conflict: float, least: float) -> tuple[str, ...]:
-    """What is to be said when vehicles and nominal height disagree by so many standard deviations, from `least`
-    on."""
+    """What is to be said when vehicles and nominal height disagree by more than `least` standard
+    deviations."""
     if not abs(height_conflict) > least:
         return ()
     where = "higher" if height_conflict > 0.0 else "lower"

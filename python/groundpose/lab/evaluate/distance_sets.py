@@ -1,11 +1,12 @@
-"""Frames whose vehicles' places are known, beside KITTI's: the virtual drive, cameras above a road, ApolloCar3D;
-what height and frames are worth there."""
+"""Frames whose vehicles' places are known, beside KITTI's: the virtual drive, cameras above a road,
+ApolloCar3D; what height and frames are worth there."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,13 +47,14 @@ class Known:
 
     truth: gp.View
     nominal: gp.View
-    given: tuple[Any, ...]
+    given: tuple[Any, Any, Any, Any, gp.Options]
     bottom: FloatArray
     drive: int = 0
 
     def poses(self, view: gp.View, frame: gp.FramePriors | gp.CameraState | None) -> gp.PoseBatch:
         """Of the vehicles in a view."""
-        return gp.estimate_poses(view, *self.given, threads=1, frame=frame)
+        keypoints, boxes, models, scores, options = self.given
+        return gp.estimate_poses(view, keypoints, boxes, models, scores, options, 1, frame=frame)
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,8 @@ NO_HEIGHT = (Setting("every vehicle alone"), Setting("one road", None, _ROAD))
 
 
 def drive(drives: int = DRIVES, seed: int = 1) -> Iterator[Known]:
-    """Vehicles that KITTI would count in all frames of drives of the test split, with a detector's boxes and the
-    keypoint errors of a CNN. The nominal tilt is that of the rig."""
+    """Vehicles that KITTI would count in all frames of drives of the test split, with a detector's boxes and
+    the keypoint errors of a CNN. The nominal tilt is that of the rig."""
     from groundpose.lab.drive.drive import scene
     from groundpose.lab.drive.ego import FRAMES_PER_DRIVE
     from groundpose.lab.drive.labels import labels
@@ -106,17 +108,20 @@ def drive(drives: int = DRIVES, seed: int = 1) -> Iterator[Known]:
         assert frame.camera.image_size is not None
         boxes = draw_boxes(vehicles.seen.bboxes, vehicles.occlusion, frame.camera.image_size, number)
         models = vehicles.class_models(shape_model)
+        width = max(len(model.keypoints_3d) for model in models)
         mount = frame.mount
         yield Known(
             frame.view,
             gp.View(frame.camera, mount.pitch, mount.roll, frame.height),
-            (keypoints, boxes, models, scores, gp.Options()),
+            (keypoints[:, :width], boxes, models, scores[:, :width], gp.Options()),
             np.array([label.location for label in seen]),
             number // FRAMES_PER_DRIVE,
         )
 
 
-def road_side(network: Network, crops: Path, metres: float, tell: Any) -> Iterator[Known]:
+def road_side(
+    network: Network, crops: Path, metres: float, tell: Callable[[str], None] = lambda text: None
+) -> Iterator[Known]:
     """Renders of a camera `metres` above a road as a network sees them; the nominal tilt is up to `OFF_DEG`
     wrong."""
     seen: Renders = renders(crops, f"road side, {metres:g} m", tell)
@@ -130,8 +135,8 @@ def road_side(network: Network, crops: Path, metres: float, tell: Any) -> Iterat
 
 
 def apollo_frames(data: Path) -> Iterator[Known]:
-    """Cars of ApolloCar3D's images with keypoints labelled by hand and one shape basis; nobody knows the heights
-    of the cameras."""
+    """Cars of ApolloCar3D's images with keypoints labelled by hand and one shape basis; nobody knows the
+    heights of the cameras."""
     objects = apollo(data, known_model=False)
     assert objects.frames is not None
     for name in dict.fromkeys(objects.frames.tolist()):
@@ -143,6 +148,23 @@ def apollo_frames(data: Path) -> Iterator[Known]:
         options = gp.Options(inlier_threshold=some.inlier_threshold.tolist())
         given = (some.keypoints_2d, some.bboxes, models, None, options)
         yield Known(some.view, some.view, given, bottom)
+
+
+Frames = Callable[[], Iterator[Known]]
+
+
+def sets(
+    data: Path, network: str | None, crops: Path | None
+) -> dict[str, tuple[Frames, tuple[Setting, ...]]]:
+    """Frames and settings by name, as far as their data is there; `crops`: folder of the renders."""
+    found: dict[str, tuple[Frames, tuple[Setting, ...]]] = {"drive": (drive, ON_A_CAR)}
+    if crops is not None:
+        for metres in (6.0, 8.0):
+            frames = partial(road_side, Network(network, 1), crops, metres)
+            found[f"road side, {metres:g} m"] = frames, ABOVE_A_ROAD
+    if (data / "apollo_cars_dev.npz").is_file():
+        found["apollo"] = partial(apollo_frames, data), NO_HEIGHT
+    return found
 
 
 @dataclass
@@ -172,7 +194,7 @@ class _Sums:
     def numbers(self) -> dict[str, Any]:
         """Their summary."""
         errors, true = np.concatenate(self.errors), np.concatenate(self.distances)
-        answered = np.isfinite(errors)
+        answered, within = np.isfinite(errors), np.concatenate(self.within).astype(bool)
         percent, near = 100.0 * errors[answered], true[answered] < NEAR
         states = list(self.states.values())
         return {
@@ -181,7 +203,7 @@ class _Sums:
             "distance bias %": float(np.median(percent)),
             "distance beyond 10 %": percentage(np.abs(percent) > 10.0),
             f"median distance error below {NEAR:g} m %": float(np.median(np.abs(percent[near]))),
-            "95 % interval of distance holds %": percentage(np.concatenate(self.within)[answered]),
+            "95 % interval of distance holds %": percentage(within[answered]),
             "median tilt error deg": float(np.median(self.tilts)),
             "drives": len(states),
             "drives with a remark about the height": sum(bool(state.remarks) for state in states),

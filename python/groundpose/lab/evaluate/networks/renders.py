@@ -99,7 +99,7 @@ class Renders:
 
     Attributes:
         views: the true view of each frame. rows: which crops each frame has.
-        R: (N, 3, 3), alpha: (N,) KITTI's viewing angle, radians; location: (N, 3) bottom centre in the camera.
+        R: (N, 3, 3), alpha: (N,) KITTI's viewing angle, radians; location: (N, 3) bottom centre.
     """
 
     crops: Crops
