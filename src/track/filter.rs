@@ -1,0 +1,340 @@
+//! One vehicle over time.
+
+use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
+
+use crate::geometry::math::{cos, exp, log, sin, sqrt, square};
+use crate::track::facing::Facing;
+use crate::track::model::{
+    ACCELERATION, AXIS, Belief, Camera2, DISTANCE_ERROR, HEADING_ERROR, Motion, SCALE, State, StateMatrix,
+    TRACK_NUMBERS, TURNING, VX, VZ, X, Z,
+};
+use crate::track::options::{CameraMotion, TrackOptions};
+use crate::track::row::{Told, TrackRow, row_of, wrapped};
+use crate::track::sighting::{Reading, Sighting};
+use crate::track::size::SizeEstimate;
+
+/// Frames nearer in time than this show a front taken for a rear again.
+const PICTURE_TIME: f64 = 0.5;
+/// Of a place before anything is seen of it, metres; of an axis, rad.
+const NOWHERE: f64 = 1e3;
+const ANY_AXIS: f64 = 1.5;
+/// Of a yaw rate before anything is seen of it, rad/s.
+const ANY_TURNING: f64 = 0.3;
+/// Of the scale when readings do not bound it.
+const ANY_SCALE: f64 = 0.1;
+/// The rear axle is so far behind the middle, in lengths; a vehicle does not slip there.
+const AXLE: f64 = 0.3;
+const USUAL_LENGTH: f64 = 4.3;
+/// Slipping: m/s, fraction of the speed, fraction of what the axle explains; forgotten within so many seconds.
+const SLIP: (f64, f64, f64, f64) = (0.1, 0.01, 0.5, 0.5);
+/// A vehicle stands: log of the Bayes factor, largest standard deviation of its speed, m/s.
+const STANDS: (f64, f64) = (4.0, 0.6);
+/// Of a vehicle that stands: speed m/s, yaw rate rad/s.
+const STILL: (f64, f64) = (0.05, 0.01);
+/// Places that drift away, squared statistical distance of their mean over so many seconds: it has moved off.
+const MOVED_OFF: (f64, f64) = (16.0, 0.7);
+/// Standard deviation of its velocity then.
+const MOVING_OFF_SIGMA: f64 = 3.0;
+/// Errors of poses have tails at least and at most as heavy as Student's t with so many degrees of freedom.
+const DOF: (f64, f64) = (3.0, 8.0);
+
+/// What is known of one vehicle, frame after frame.
+///
+/// ```
+/// use groundpose::{Reading, Sighting, TrackOptions, VehicleFilter};
+///
+/// // A car that drives away with 10 m/s, seen ten times a second.
+/// let at = |k: usize| {
+///     let covariance = nalgebra::Matrix3::identity() * 1e-4;
+///     let reading = Reading { place: [2.0, 20.0 + k as f64], heading: 0.0, covariance };
+///     Sighting { turned: 0.3, ..Sighting::new(reading) }
+/// };
+/// let camera = [0.0; 3];
+/// let mut filter = VehicleFilter::new(&TrackOptions::default(), camera, &at(0));
+/// for k in 1..20 {
+///     filter.predict(0.1);
+///     assert!(filter.distance2(camera, &at(k)) < 18.0);
+///     filter.update(camera, 0.1, &at(k));
+/// }
+/// let row = filter.row(camera);
+/// assert!((row.speed - 10.0).abs() < 0.5, "{}", row.speed);
+/// assert!(row.facing_probability > 0.99);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct VehicleFilter {
+    pub(crate) belief: Belief,
+    facing: Facing,
+    size: SizeEstimate,
+    scale_sigma: f64,
+    standing: bool,
+    drift: Vector2<f64>,
+    options: TrackOptions,
+}
+
+/// A reading as a measurement of the state, in the plane of the first frame.
+struct Measured {
+    residual: Vector3<f64>,
+    by_state: SMatrix<f64, 3, TRACK_NUMBERS>,
+    noise: Matrix3<f64>,
+}
+
+impl VehicleFilter {
+    /// A vehicle that is seen for the first time; `camera`: where the camera stands, right, forward and yaw.
+    #[must_use]
+    pub fn new(options: &TrackOptions, camera: [f64; 3], seen: &Sighting) -> Self {
+        let Reading { place, heading, .. } = seen.reading;
+        let there = turned_by(camera[2], place);
+        let mut mean = State::zeros();
+        (mean[X], mean[Z]) = (camera[0] + there[0], camera[1] + there[1]);
+        mean[AXIS] = heading + camera[2];
+        let scale_sigma = stated_scale(options, &seen.reading).min(ANY_SCALE);
+        let mut sigmas = State::repeat(1.0);
+        (sigmas[X], sigmas[Z]) = (NOWHERE, NOWHERE);
+        (sigmas[VX], sigmas[VZ]) = (options.speed_sigma, options.speed_sigma);
+        (sigmas[AXIS], sigmas[TURNING]) = (ANY_AXIS, ANY_TURNING);
+        (sigmas[ACCELERATION], sigmas[SCALE]) = (options.acceleration_sigma, scale_sigma.max(1e-4));
+        let mut filter = Self {
+            belief: Belief { mean, covariance: StateMatrix::from_diagonal(&sigmas.map(square)) },
+            facing: Facing::default(),
+            size: SizeEstimate::default(),
+            scale_sigma,
+            standing: false,
+            drift: Vector2::zeros(),
+            options: *options,
+        };
+        filter.take(camera, f64::INFINITY, seen, &seen.reading);
+        filter
+    }
+
+    pub(crate) fn motion(&self) -> Motion {
+        let calm = if self.standing { 0.1 } else { 1.0 };
+        Motion {
+            acceleration_sigma: calm * self.options.acceleration_sigma,
+            turning_sigma: calm * self.options.turning_sigma,
+            error_time: self.options.error_time,
+            along_axis: self.options.camera_motion != CameraMotion::Unknown,
+        }
+    }
+
+    /// `dt` seconds later, nothing seen.
+    pub fn predict(&mut self, dt: f64) {
+        self.advance(dt);
+    }
+
+    /// The same; the derivative of the mean by the mean before.
+    pub(crate) fn advance(&mut self, dt: f64) -> StateMatrix {
+        let (belief, by_before) = self.belief.predicted(dt, &self.motion());
+        self.belief = belief;
+        by_before
+    }
+
+    /// Squared statistical distance between where it should be and where something was seen.
+    #[must_use]
+    pub fn distance2(&self, camera: [f64; 3], seen: &Sighting) -> f64 {
+        let away = |reading: &Reading| self.place_distance2(&self.measured(camera, reading)).1;
+        seen.other.map_or(f64::INFINITY, |(other, _)| away(&other)).min(away(&seen.reading))
+    }
+
+    /// Whitened difference of places, and its square.
+    fn place_distance2(&self, m: &Measured) -> (Vector2<f64>, f64) {
+        let h = m.by_state.fixed_rows::<2>(0);
+        let s: Matrix2<f64> = h * self.belief.covariance * h.transpose() + m.noise.fixed_view::<2, 2>(0, 0);
+        let residual = Vector2::new(m.residual[0], m.residual[1]);
+        let Some(root) = s.cholesky() else { return (residual, f64::INFINITY) };
+        let white = root.l().solve_lower_triangular(&residual).unwrap_or(residual);
+        (white, white.norm_squared())
+    }
+
+    /// It was seen, `dt` seconds after the last frame.
+    pub fn update(&mut self, camera: [f64; 3], dt: f64, seen: &Sighting) {
+        self.notice(camera, dt, seen);
+        self.absorb(camera, dt, seen);
+    }
+
+    /// Before it is taken in: has it moved off? Then what was expected is less sure than it was.
+    pub(crate) fn notice(&mut self, camera: Camera2, dt: f64, seen: &Sighting) {
+        if self.standing {
+            self.watch_drift(camera, dt, &self.likeliest(camera, seen));
+        }
+    }
+
+    pub(crate) fn absorb(&mut self, camera: Camera2, dt: f64, seen: &Sighting) {
+        self.take(camera, dt, seen, &self.likeliest(camera, seen));
+        if self.motion().along_axis {
+            self.keep_along_axis(dt);
+            self.judge_standing();
+            let (along, by_along) = self.belief.along();
+            self.facing.drive(along, sqrt(self.belief.variance(&by_along)));
+        }
+    }
+
+    /// The reading that this vehicle explains best.
+    fn likeliest(&self, camera: Camera2, seen: &Sighting) -> Reading {
+        let Some((other, p)) = seen.other else { return seen.reading };
+        let fit = |reading: &Reading, p: f64| {
+            let m = self.measured(camera, reading);
+            let s = m.by_state * self.belief.covariance * m.by_state.transpose() + m.noise;
+            let inverse = s.try_inverse().unwrap_or_else(Matrix3::zeros);
+            let d2 = m.residual.dot(&(inverse * m.residual));
+            // As Student's t, so that two bad fits do not differ by much.
+            log(p.max(1e-3)) - 0.5 * log(s.determinant().max(1e-300)) - 3.5 * log(1.0 + d2 / 4.0)
+        };
+        if fit(&other, p) > fit(&seen.reading, 1.0 - p) { other } else { seen.reading }
+    }
+
+    /// A reading against the belief. The shared errors are numbers of the state, the rest is noise.
+    fn measured(&self, camera: Camera2, reading: &Reading) -> Measured {
+        let there = Vector2::from(turned_by(camera[2], reading.place));
+        let distance = there.norm().max(0.1);
+        let (s, c) = (sin(camera[2]), cos(camera[2]));
+        let turn = Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
+        let covariance = turn * reading.covariance * turn.transpose();
+        let ray = there / distance;
+        let along = ray.dot(&(covariance.fixed_view::<2, 2>(0, 0) * ray)).max(0.0);
+        let (constant, slow) = (self.options.constant_fraction, self.options.slow_fraction);
+        let slow_distance = sqrt(slow * along) / distance;
+        let slow_heading = sqrt(slow * covariance[(2, 2)]);
+        let mean = &self.belief.mean;
+        let grown = exp((mean[SCALE] + slow_distance * mean[DISTANCE_ERROR]).clamp(-1.0, 1.0));
+        let expected = Vector2::new(mean[X] - camera[0], mean[Z] - camera[1]) * grown;
+        let mut by_state = SMatrix::<f64, 3, TRACK_NUMBERS>::zeros();
+        for k in 0..2 {
+            by_state[(k, X + k)] = grown;
+            by_state[(k, SCALE)] = expected[k];
+            by_state[(k, DISTANCE_ERROR)] = expected[k] * slow_distance;
+        }
+        by_state[(2, AXIS)] = 1.0;
+        by_state[(2, HEADING_ERROR)] = slow_heading;
+        let turned = reading.heading + camera[2] - mean[AXIS] - slow_heading * mean[HEADING_ERROR];
+        let residual = there - expected;
+        let mut own = Matrix3::identity();
+        let less = ray * ray.transpose() * (1.0 - sqrt(1.0 - constant - slow));
+        own.fixed_view_mut::<2, 2>(0, 0).copy_from(&(Matrix2::identity() - less));
+        own[(2, 2)] = sqrt(1.0 - slow);
+        Measured {
+            residual: Vector3::new(residual[0], residual[1], folded(turned)),
+            by_state,
+            noise: own * covariance * own,
+        }
+    }
+
+    /// Takes a reading in; numbers far from what they should be count little.
+    fn take(&mut self, camera: Camera2, dt: f64, seen: &Sighting, reading: &Reading) {
+        self.bound_scale(&seen.reading);
+        let mut m = self.measured(camera, reading);
+        let dof = seen.error_dof.clamp(DOF.0, DOF.1);
+        let s = m.by_state * self.belief.covariance * m.by_state.transpose() + m.noise;
+        let place = self.place_distance2(&m).1;
+        let weight = |d2: f64, n: f64| ((dof + n) / (dof + d2)).min(1.0).max(1e-6);
+        let (of_place, of_heading) = (weight(place, 2.0), weight(square(m.residual[2]) / s[(2, 2)], 1.0));
+        let less = Vector3::new(of_place, of_place, of_heading).map(|w| 1.0 / sqrt(w));
+        m.noise = Matrix3::from_diagonal(&less) * m.noise * Matrix3::from_diagonal(&less);
+        self.belief.update(&m.by_state, &m.residual, &m.noise);
+        let new = 1.0 - exp(-dt / PICTURE_TIME);
+        let side = if cos(seen.reading.heading + camera[2] - self.belief.mean[AXIS]) < 0.0 { -1.0 } else { 1.0 };
+        self.facing.see(side, seen.turned, new);
+        self.size.add(&seen.size, &seen.size_sigma, of_place * new.max(0.2));
+    }
+
+    /// What a nearer or clearer picture says of the scale is known from then on.
+    fn bound_scale(&mut self, reading: &Reading) {
+        let stated = stated_scale(&self.options, reading).max(1e-4);
+        if stated < 0.95 * self.scale_sigma {
+            let variance = 1.0 / (1.0 / square(stated) - 1.0 / square(self.scale_sigma));
+            let mut h = State::zeros();
+            h[SCALE] = 1.0;
+            self.belief.update_one(&h, -self.belief.mean[SCALE], variance);
+            self.scale_sigma = stated;
+        }
+    }
+
+    /// The rear axle does not slip: a measurement of velocity, axis and yaw rate.
+    fn keep_along_axis(&mut self, dt: f64) {
+        let (sideways, mut h) = self.belief.sideways();
+        let length = self.size.of(0.0, 0.0, 0.0).0[0];
+        let arm = AXLE * if length.is_finite() { length.clamp(2.0, 20.0) } else { USUAL_LENGTH };
+        let side = self.facing.expected_side();
+        h[TURNING] = -arm * side;
+        let swing = arm * side * self.belief.mean[TURNING];
+        let (along, by_along) = self.belief.along();
+        let unknown = self.belief.variance(&by_along) * self.belief.covariance[(AXIS, AXIS)];
+        let slip = SLIP.0 + SLIP.1 * along.abs() + SLIP.2 * arm * self.belief.mean[TURNING].abs();
+        let variance = square(slip) * (SLIP.3 / dt.clamp(0.01, SLIP.3)) + unknown;
+        let residual = swing - sideways;
+        let expected = self.belief.variance(&h) + variance;
+        let weight = (5.0 / (4.0 + square(residual) / expected)).min(1.0);
+        self.belief.update_one(&h, residual, variance / weight);
+    }
+
+    /// Whether it stands; one that stands has no speed.
+    fn judge_standing(&mut self) {
+        if !self.standing {
+            let v = Vector2::new(self.belief.mean[VX], self.belief.mean[VZ]);
+            let p = self.belief.covariance.fixed_view::<2, 2>(VX, VX) + Matrix2::identity() * square(STILL.0);
+            let any = p + Matrix2::identity() * square(self.options.speed_sigma);
+            let (Some(near), Some(far)) = (p.try_inverse(), any.try_inverse()) else { return };
+            let factor = 0.5 * log(any.determinant() / p.determinant()) - 0.5 * v.dot(&((near - far) * v));
+            self.standing = factor > STANDS.0 && p.trace() < square(STANDS.1);
+            self.drift = Vector2::zeros();
+        }
+        if self.standing {
+            for (k, sigma) in [(VX, STILL.0), (VZ, STILL.0), (TURNING, STILL.1), (ACCELERATION, STILL.0)] {
+                let mut h = State::zeros();
+                h[k] = 1.0;
+                self.belief.update_one(&h, -self.belief.mean[k], square(sigma));
+            }
+        }
+    }
+
+    /// Of one that stands: whether its places have drifted away.
+    fn watch_drift(&mut self, camera: Camera2, dt: f64, reading: &Reading) {
+        let (white, d2) = self.place_distance2(&self.measured(camera, reading));
+        let keep = exp(-dt / MOVED_OFF.1);
+        // One wrong place is no drift.
+        let new = white * (1.0 - keep) * (3.0 / sqrt(d2.max(9.0)));
+        self.drift = self.drift * keep + new;
+        let variance = (1.0 - keep) / (1.0 + keep);
+        if self.drift.norm_squared() / variance > MOVED_OFF.0 {
+            self.standing = false;
+            for (k, sigma) in [(VX, MOVING_OFF_SIGMA), (VZ, MOVING_OFF_SIGMA), (X, 1.0), (Z, 1.0)] {
+                self.belief.covariance[(k, k)] += square(sigma);
+            }
+            self.belief.covariance[(TURNING, TURNING)] += square(ANY_TURNING);
+            self.belief.covariance[(ACCELERATION, ACCELERATION)] += square(self.options.acceleration_sigma);
+        }
+    }
+
+    /// What rows say beside the belief.
+    pub(crate) fn told(&self) -> Told {
+        Told {
+            facing: self.facing,
+            size: self.size,
+            standing: self.standing,
+            constant_fraction: self.options.constant_fraction,
+        }
+    }
+
+    /// What is known now, of a vehicle seen from a camera that stands there.
+    #[must_use]
+    pub fn row(&self, camera: [f64; 3]) -> TrackRow {
+        row_of(&self.belief, &self.told(), camera)
+    }
+}
+
+/// A place right and forward of the camera, along the axes of the first frame.
+fn turned_by(yaw: f64, [x, z]: [f64; 2]) -> [f64; 2] {
+    let (s, c) = (sin(yaw), cos(yaw));
+    [x * c + z * s, z * c - x * s]
+}
+
+/// The difference of two axes, between -pi / 2 and pi / 2.
+fn folded(angle: f64) -> f64 {
+    0.5 * wrapped(2.0 * angle)
+}
+
+/// Standard deviation of the log scale as a reading states it.
+fn stated_scale(options: &TrackOptions, reading: &Reading) -> f64 {
+    let there = Vector2::from(reading.place);
+    let along = there.dot(&(reading.covariance.fixed_view::<2, 2>(0, 0) * there)).max(0.0);
+    sqrt(options.constant_fraction * along) / there.norm_squared().max(0.01)
+}
