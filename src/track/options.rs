@@ -54,8 +54,6 @@ pub struct TrackOptions {
     pub slow_fraction: f64,
     /// Within which a network forgets its error, s.
     pub error_time: f64,
-    /// Probability that all of a sighting's numbers are wrong.
-    pub outlier_probability: f64,
     /// Squared statistical distance up to which a sighting can belong to a vehicle.
     pub gate: f64,
     /// Sightings until a vehicle is one.
@@ -76,7 +74,6 @@ impl Default for TrackOptions {
             constant_fraction: 0.4,
             slow_fraction: 0.4,
             error_time: 1.0,
-            outlier_probability: 0.02,
             gate: 18.0,
             least_sightings: 3,
             longest_gap: 1.5,
@@ -102,11 +99,13 @@ impl TrackOptions {
         for (argument, x) in positive {
             require(x > 0.0 && x <= 1e6, argument, "a number above 0, at most 1e6", Got::Number(x))?;
         }
-        for (argument, x) in
-            [("constant_fraction", self.constant_fraction), ("outlier_probability", self.outlier_probability)]
-        {
-            require((0.0..=0.9).contains(&x), argument, "a fraction from 0 to 0.9", Got::Number(x))?;
-        }
+        let constant = self.constant_fraction;
+        require(
+            (0.0..=0.9).contains(&constant),
+            "constant_fraction",
+            "a fraction from 0 to 0.9",
+            Got::Number(constant),
+        )?;
         let both = self.constant_fraction + self.slow_fraction;
         let can_be = self.slow_fraction >= 0.0 && both <= 0.98;
         require(can_be, "slow_fraction", "a fraction from 0, with constant_fraction at most 0.98", Got::Number(both))?;

@@ -28,7 +28,7 @@ pub struct TrackRow {
     pub time: f64,
     /// Its class.
     pub class: usize,
-    /// Which sighting of the frame it was; none: not seen.
+    /// Number of the sighting that it was in this frame; none: not seen.
     pub sighting: Option<usize>,
     /// In the plane of the first frame: right and forward of the camera then, metres.
     pub place: [f64; 2],

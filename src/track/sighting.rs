@@ -79,6 +79,8 @@ impl Reading {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sighting {
+    /// The caller's number of it, which rows give back.
+    pub number: usize,
     /// The answer.
     pub reading: Reading,
     /// Another reading of the same picture, and the probability that it is the right one.
@@ -104,6 +106,7 @@ impl Sighting {
     #[must_use]
     pub fn new(reading: Reading) -> Self {
         Self {
+            number: 0,
             reading,
             other: None,
             turned: 0.5,

@@ -87,12 +87,12 @@ impl Tracker {
         let chosen = assign(&self.options, &self.vehicles, sightings, &moment);
         let mut is_new = vec![true; sightings.len()];
         for (vehicle, k) in self.vehicles.iter_mut().zip(chosen) {
-            vehicle.update(&moment, dt, k.map(|k| (k, &sightings[k])));
+            vehicle.update(&moment, dt, k.map(|k| &sightings[k]));
             k.into_iter().for_each(|k| is_new[k] = false);
         }
         for k in (0..sightings.len()).filter(|&k| is_new[k]) {
             self.last_id += 1;
-            self.vehicles.push(Vehicle::new(self.last_id, &self.options, &moment, (k, &sightings[k])));
+            self.vehicles.push(Vehicle::new(self.last_id, &self.options, &moment, &sightings[k]));
         }
         (self.time, self.frame) = (Some(time), self.frame + 1);
         self.hand_out_old();

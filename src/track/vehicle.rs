@@ -43,7 +43,7 @@ pub(crate) struct Vehicle {
 }
 
 impl Vehicle {
-    pub(crate) fn new(id: u64, options: &TrackOptions, moment: &Moment, (k, seen): (usize, &Sighting)) -> Self {
+    pub(crate) fn new(id: u64, options: &TrackOptions, moment: &Moment, seen: &Sighting) -> Self {
         let filter = VehicleFilter::new(options, moment.camera, seen);
         let mut vehicle = Self {
             id,
@@ -58,7 +58,7 @@ impl Vehicle {
             history: VecDeque::new(),
         };
         vehicle.count_class(seen);
-        vehicle.keep(moment, Some(k));
+        vehicle.keep(moment, Some(seen.number));
         vehicle
     }
 
@@ -69,8 +69,8 @@ impl Vehicle {
     }
 
     /// It was seen, or not.
-    pub(crate) fn update(&mut self, moment: &Moment, dt: f64, seen: Option<(usize, &Sighting)>) {
-        if let Some((_, seen)) = seen {
+    pub(crate) fn update(&mut self, moment: &Moment, dt: f64, seen: Option<&Sighting>) {
+        if let Some(seen) = seen {
             self.filter.notice(moment.camera, dt, seen);
             self.predicted = self.filter.belief;
             self.filter.absorb(moment.camera, dt, seen);
@@ -79,7 +79,7 @@ impl Vehicle {
             self.last_seen = moment.time;
             self.sightings += 1;
         }
-        self.keep(moment, seen.map(|(k, _)| k));
+        self.keep(moment, seen.map(|seen| seen.number));
     }
 
     fn keep(&mut self, moment: &Moment, sighting: Option<usize>) {

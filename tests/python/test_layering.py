@@ -13,7 +13,7 @@ PACKAGE = Path(groundpose.__file__).parent
 # From the ground to the roof. A room is a file or a folder of the package; "" is `groundpose` itself.
 ROOMS = (
     *("_core", "_checks", "_value", "lens", "calibration", "options", "types", "plausibility", "shape"),
-    *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road"),
+    *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road", "tracking"),
     *("draw", "formats", "estimate", "keypoints", "", "demo", "cli"),
     *(
         "lab",
