@@ -25,11 +25,12 @@ type Skipped = Vec<(usize, String)>;
 
 /// A field of the options: its name, and where it is kept.
 type Number = (&'static str, fn(&mut TrackOptions) -> &mut f64);
-const NUMBERS: [Number; 8] = [
+const NUMBERS: [Number; 9] = [
     ("acceleration_sigma", |o| &mut o.acceleration_sigma),
     ("turning_sigma", |o| &mut o.turning_sigma),
     ("speed_sigma", |o| &mut o.speed_sigma),
     ("constant_fraction", |o| &mut o.constant_fraction),
+    ("changing_fraction", |o| &mut o.changing_fraction),
     ("slow_fraction", |o| &mut o.slow_fraction),
     ("error_time", |o| &mut o.error_time),
     ("gate", |o| &mut o.gate),

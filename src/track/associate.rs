@@ -9,11 +9,11 @@ use crate::track::sighting::Sighting;
 use crate::track::vehicle::{Moment, Vehicle};
 
 /// Costs are log probabilities: nothing costs more than this, and a pair that costs more is none.
-const MOST: f64 = 14.0;
+const MOST: f64 = 18.0;
 /// A place says no more than this, once it is far off.
 const MOST_OF_PLACE: f64 = 8.0;
 /// 2D boxes that do not overlap.
-const OF_BOX: f64 = 5.0;
+const OF_BOX: f64 = 8.0;
 /// Another class.
 const OF_CLASS: f64 = 1.0;
 /// Boxes that overlap so far are one vehicle, wherever the pose puts it.
@@ -87,12 +87,12 @@ fn worth(
     if !one_by_box && apart > 10.0 + 0.6 * norm2(x, z) {
         return 0.0;
     }
-    let d2 = vehicle.filter.distance2(moment.camera, seen);
+    let (d2, facing) = vehicle.filter.disagreement(moment.camera, seen);
     if !one_by_box && d2 > options.gate {
         return 0.0;
     }
     let of_class = if seen.class == vehicle.class() { 0.0 } else { OF_CLASS };
-    MOST - (0.5 * d2).min(MOST_OF_PLACE) - OF_BOX * (1.0 - overlap.unwrap_or(0.5)) - of_class
+    MOST - (0.5 * d2).min(MOST_OF_PLACE) - facing - OF_BOX * (1.0 - overlap.unwrap_or(0.5)) - of_class
 }
 
 /// Intersection over union; none for boxes that are not known.

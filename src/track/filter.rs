@@ -5,8 +5,8 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
 use crate::geometry::math::{cos, exp, log, sin, sqrt, square};
 use crate::track::facing::Facing;
 use crate::track::model::{
-    ACCELERATION, AXIS, Belief, Camera2, DISTANCE_ERROR, HEADING_ERROR, Motion, SCALE, State, StateMatrix,
-    TRACK_NUMBERS, TURNING, VX, VZ, X, Z,
+    ACCELERATION, AXIS, BEARING_ERROR, Belief, Camera2, DISTANCE_ERROR, HEADING_ERROR, Motion, SCALE, State,
+    StateMatrix, TRACK_NUMBERS, TURNING, VX, VZ, X, Z,
 };
 use crate::track::options::{CameraMotion, TrackOptions};
 use crate::track::row::{Told, TrackRow, row_of, wrapped};
@@ -35,6 +35,9 @@ const STILL: (f64, f64) = (0.05, 0.01);
 const MOVED_OFF: (f64, f64) = (16.0, 0.7);
 /// Standard deviation of its velocity then.
 const MOVING_OFF_SIGMA: f64 = 3.0;
+/// What a wrong axis, and a front in place of a rear, say at most against a pair.
+const MOST_OF_AXIS: f64 = 3.0;
+const LEAST_FACING: f64 = 0.08;
 /// Errors of poses have tails at least and at most as heavy as Student's t with so many degrees of freedom.
 const DOF: (f64, f64) = (3.0, 8.0);
 
@@ -66,6 +69,8 @@ pub struct VehicleFilter {
     facing: Facing,
     size: SizeEstimate,
     scale_sigma: f64,
+    /// Sum of the logarithms of the stated ones, and their number.
+    stated: (f64, f64),
     standing: bool,
     drift: Vector2<f64>,
     options: TrackOptions,
@@ -98,6 +103,7 @@ impl VehicleFilter {
             facing: Facing::default(),
             size: SizeEstimate::default(),
             scale_sigma,
+            stated: (0.0, 0.0),
             standing: false,
             drift: Vector2::zeros(),
             options: *options,
@@ -133,6 +139,27 @@ impl VehicleFilter {
     pub fn distance2(&self, camera: [f64; 3], seen: &Sighting) -> f64 {
         let away = |reading: &Reading| self.place_distance2(&self.measured(camera, reading)).1;
         seen.other.map_or(f64::INFINITY, |(other, _)| away(&other)).min(away(&seen.reading))
+    }
+
+    /// How badly something seen agrees with where it is and faces: the squared statistical distance of the places, and
+    /// costs of the axis and of which way it faces.
+    pub(crate) fn disagreement(&self, camera: Camera2, seen: &Sighting) -> (f64, f64) {
+        let of = |reading: &Reading, turned: f64| {
+            let m = self.measured(camera, reading);
+            let h = m.by_state.row(2);
+            let variance = (h * self.belief.covariance * h.transpose())[(0, 0)] + m.noise[(2, 2)];
+            let axis = (0.5 * square(m.residual[2]) / variance).min(MOST_OF_AXIS);
+            let away = cos(reading.heading + camera[2] - self.belief.mean[AXIS]) < 0.0;
+            let along = self.facing.probability();
+            let p = if away { 1.0 - along } else { along };
+            let facing = -log((p * (1.0 - turned) + (1.0 - p) * turned).max(LEAST_FACING));
+            (self.place_distance2(&m).1, axis + facing)
+        };
+        let first = of(&seen.reading, seen.turned);
+        let Some((other, p)) = seen.other else { return first };
+        let second = of(&other, 0.5);
+        let cost = |(d2, rest): (f64, f64), p: f64| 0.5 * d2 + rest - log(p.max(1e-3));
+        if cost(second, p) < cost(first, 1.0 - p) { second } else { first }
     }
 
     /// Whitened difference of places, and its square.
@@ -190,9 +217,12 @@ impl VehicleFilter {
         let turn = Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
         let covariance = turn * reading.covariance * turn.transpose();
         let ray = there / distance;
-        let along = ray.dot(&(covariance.fixed_view::<2, 2>(0, 0) * ray)).max(0.0);
-        let (constant, slow) = (self.options.constant_fraction, self.options.slow_fraction);
-        let slow_distance = sqrt(slow * along) / distance;
+        let side = Vector2::new(ray[1], -ray[0]);
+        let plane = covariance.fixed_view::<2, 2>(0, 0);
+        let variance = |of: &Vector2<f64>| of.dot(&(plane * of)).max(0.0);
+        let (changing, slow) = (self.options.changing_fraction, self.options.slow_fraction);
+        let slow_distance = sqrt(changing * slow * variance(&ray)) / distance;
+        let slow_bearing = side * sqrt(slow * variance(&side));
         let slow_heading = sqrt(slow * covariance[(2, 2)]);
         let mean = &self.belief.mean;
         let grown = exp((mean[SCALE] + slow_distance * mean[DISTANCE_ERROR]).clamp(-1.0, 1.0));
@@ -202,20 +232,28 @@ impl VehicleFilter {
             by_state[(k, X + k)] = grown;
             by_state[(k, SCALE)] = expected[k];
             by_state[(k, DISTANCE_ERROR)] = expected[k] * slow_distance;
+            by_state[(k, BEARING_ERROR)] = slow_bearing[k];
         }
         by_state[(2, AXIS)] = 1.0;
         by_state[(2, HEADING_ERROR)] = slow_heading;
         let turned = reading.heading + camera[2] - mean[AXIS] - slow_heading * mean[HEADING_ERROR];
-        let residual = there - expected;
-        let mut own = Matrix3::identity();
-        let less = ray * ray.transpose() * (1.0 - sqrt(1.0 - constant - slow));
-        own.fixed_view_mut::<2, 2>(0, 0).copy_from(&(Matrix2::identity() - less));
-        own[(2, 2)] = sqrt(1.0 - slow);
+        let residual = there - expected - slow_bearing * mean[BEARING_ERROR];
+        let own = self.own_noise(&ray);
         Measured {
             residual: Vector3::new(residual[0], residual[1], folded(turned)),
             by_state,
             noise: own * covariance * own,
         }
+    }
+
+    /// What takes the errors that frames share out of those of a reading.
+    fn own_noise(&self, ray: &Vector2<f64>) -> Matrix3<f64> {
+        let (changing, slow) = (self.options.changing_fraction, self.options.slow_fraction);
+        let (own, own_distance) = (sqrt(1.0 - slow), sqrt(changing * (1.0 - slow)));
+        let plane = Matrix2::identity() * own + ray * ray.transpose() * (own_distance - own);
+        let mut all = Matrix3::identity() * own;
+        all.fixed_view_mut::<2, 2>(0, 0).copy_from(&plane);
+        all
     }
 
     /// Takes a reading in; numbers far from what they should be count little.
@@ -236,9 +274,11 @@ impl VehicleFilter {
         self.size.add(&seen.size, &seen.size_sigma, of_place * new.max(0.2));
     }
 
-    /// What a nearer or clearer picture says of the scale is known from then on.
+    /// Pictures that state smaller errors than the first, on the whole, say more of the scale.
     fn bound_scale(&mut self, reading: &Reading) {
-        let stated = stated_scale(&self.options, reading).max(1e-4);
+        self.stated.0 += log(stated_scale(&self.options, reading).max(1e-4));
+        self.stated.1 += 1.0;
+        let stated = exp(self.stated.0 / self.stated.1);
         if stated < 0.95 * self.scale_sigma {
             let variance = 1.0 / (1.0 / square(stated) - 1.0 / square(self.scale_sigma));
             let mut h = State::zeros();
@@ -251,7 +291,7 @@ impl VehicleFilter {
     /// The rear axle does not slip: a measurement of velocity, axis and yaw rate.
     fn keep_along_axis(&mut self, dt: f64) {
         let (sideways, mut h) = self.belief.sideways();
-        let length = self.size.of(0.0, 0.0, 0.0).0[0];
+        let length = self.size.of(0.0, 0.0, (0.0, 0.0)).0[0];
         let arm = AXLE * if length.is_finite() { length.clamp(2.0, 20.0) } else { USUAL_LENGTH };
         let side = self.facing.expected_side();
         h[TURNING] = -arm * side;
@@ -310,7 +350,8 @@ impl VehicleFilter {
             facing: self.facing,
             size: self.size,
             standing: self.standing,
-            constant_fraction: self.options.constant_fraction,
+            shared: self.options.constant_fraction.min(1.0),
+            own: self.options.changing_fraction,
         }
     }
 

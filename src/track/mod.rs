@@ -10,7 +10,7 @@
 //! | yaw rate | rad/s | random walk |
 //! | acceleration along the axis | m/s^2 | forgets within seconds |
 //! | log scale | | constant: a class-mean size that is wrong puts every pose of the vehicle as much too far |
-//! | log distance, heading | of the stated ones | errors of a network, the same from frame to frame, forgotten within a second |
+//! | log distance, bearing, heading | stated sigmas | errors of a network, the same from frame to frame, forgotten within a second |
 //!
 //! Poses of one vehicle share errors. Taken as independent they would make a filter that is sure and wrong.
 

@@ -7,9 +7,9 @@ use crate::geometry::math::{cos, exp, sin, square};
 /// Numbers of a state.
 ///
 /// ```
-/// assert_eq!(groundpose::TRACK_NUMBERS, 10);
+/// assert_eq!(groundpose::TRACK_NUMBERS, 11);
 /// ```
-pub const TRACK_NUMBERS: usize = 10;
+pub const TRACK_NUMBERS: usize = 11;
 
 pub(crate) const X: usize = 0;
 pub(crate) const Z: usize = 1;
@@ -20,7 +20,10 @@ pub(crate) const TURNING: usize = 5;
 pub(crate) const ACCELERATION: usize = 6;
 pub(crate) const SCALE: usize = 7;
 pub(crate) const DISTANCE_ERROR: usize = 8;
-pub(crate) const HEADING_ERROR: usize = 9;
+pub(crate) const BEARING_ERROR: usize = 9;
+pub(crate) const HEADING_ERROR: usize = 10;
+/// Errors of a network, in stated standard deviations.
+const ERRORS: [usize; 3] = [DISTANCE_ERROR, BEARING_ERROR, HEADING_ERROR];
 
 pub(crate) type State = SVector<f64, TRACK_NUMBERS>;
 pub(crate) type StateMatrix = SMatrix<f64, TRACK_NUMBERS, TRACK_NUMBERS>;
@@ -68,18 +71,19 @@ impl Belief {
         noise: &SMatrix<f64, M, M>,
     ) {
         let ph = self.covariance * h.transpose();
-        let Some(inverse) = (h * ph + noise).try_inverse() else { return };
+        let expected = h * ph + noise;
+        let Some(inverse) = expected.try_inverse() else { return };
         let gain = ph * inverse;
         self.mean += gain * residual;
-        // Joseph's form stays a covariance whatever was rounded.
-        let kept = StateMatrix::identity() - gain * h;
-        let covariance = kept * self.covariance * kept.transpose() + gain * noise * gain.transpose();
-        self.covariance = symmetric(&covariance);
+        self.covariance = symmetric(&(self.covariance - gain * ph.transpose()));
     }
 
     /// Takes in one number.
     pub(crate) fn update_one(&mut self, h: &State, residual: f64, variance: f64) {
-        self.update(&h.transpose(), &SVector::<f64, 1>::new(residual), &SMatrix::<f64, 1, 1>::new(variance));
+        let ph = self.covariance * h;
+        let gain = ph / (h.dot(&ph) + variance);
+        self.mean += gain * residual;
+        self.covariance = symmetric(&(self.covariance - gain * ph.transpose()));
     }
 
     /// Variance of a linear function of the state.
@@ -141,7 +145,7 @@ fn moved(x: &State, dt: f64, motion: &Motion) -> (State, StateMatrix) {
         f[(VZ, TURNING)] = -dt * (arc.cos * x[VX] + arc.sin * x[VZ]);
     }
     f[(ACCELERATION, ACCELERATION)] = keep;
-    for k in [DISTANCE_ERROR, HEADING_ERROR] {
+    for k in ERRORS {
         y[k] *= forget;
         f[(k, k)] = forget;
     }
@@ -211,7 +215,7 @@ fn noise(x: &State, dt: f64, motion: &Motion) -> StateMatrix {
     q[(TURNING, TURNING)] = turning * dt;
     q[(ACCELERATION, ACCELERATION)] = along * (1.0 - exp(-2.0 * dt / ACCELERATION_TIME));
     q[(SCALE, SCALE)] = 1e-8 * dt;
-    for k in [DISTANCE_ERROR, HEADING_ERROR] {
+    for k in ERRORS {
         q[(k, k)] = 1.0 - exp(-2.0 * dt / motion.error_time);
     }
     q

@@ -48,9 +48,12 @@ pub struct TrackOptions {
     pub turning_sigma: f64,
     /// Of a vehicle's speed before anything is seen of it, m/s.
     pub speed_sigma: f64,
-    /// Fraction of the variance of a stated distance that is the same in all frames of a vehicle.
+    /// Variance of a distance that is the same in all frames of a vehicle, in stated variances: nothing but motion makes a
+    /// tracker surer of a scale than one picture.
     pub constant_fraction: f64,
-    /// Fraction of the variance of stated distances and headings that is forgotten within `error_time`.
+    /// Variance of a distance that changes from frame to frame, in stated ones.
+    pub changing_fraction: f64,
+    /// Of it, and of the variance of stated bearings and headings, the fraction that is forgotten within `error_time`.
     pub slow_fraction: f64,
     /// Within which a network forgets its error, s.
     pub error_time: f64,
@@ -70,11 +73,12 @@ impl Default for TrackOptions {
             camera_motion: CameraMotion::Static,
             acceleration_sigma: 1.5,
             turning_sigma: 0.3,
-            speed_sigma: 10.0,
-            constant_fraction: 0.4,
-            slow_fraction: 0.4,
-            error_time: 1.0,
-            gate: 18.0,
+            speed_sigma: 12.0,
+            constant_fraction: 0.9,
+            changing_fraction: 0.35,
+            slow_fraction: 0.6,
+            error_time: 1.5,
+            gate: 25.0,
             least_sightings: 3,
             longest_gap: 1.5,
             longest_history: 400,
@@ -99,16 +103,17 @@ impl TrackOptions {
         for (argument, x) in positive {
             require(x > 0.0 && x <= 1e6, argument, "a number above 0, at most 1e6", Got::Number(x))?;
         }
-        let constant = self.constant_fraction;
-        require(
-            (0.0..=0.9).contains(&constant),
-            "constant_fraction",
-            "a fraction from 0 to 0.9",
-            Got::Number(constant),
-        )?;
-        let both = self.constant_fraction + self.slow_fraction;
-        let can_be = self.slow_fraction >= 0.0 && both <= 0.98;
-        require(can_be, "slow_fraction", "a fraction from 0, with constant_fraction at most 0.98", Got::Number(both))?;
+        let fractions = [
+            ("constant_fraction", self.constant_fraction, 4.0),
+            ("changing_fraction", self.changing_fraction, 4.0),
+            ("slow_fraction", self.slow_fraction, 0.95),
+        ];
+        for (argument, x, most) in fractions {
+            let expected = "a fraction from 0 to 4, of slow errors to 0.95";
+            require((0.0..=most).contains(&x), argument, expected, Got::Number(x))?;
+        }
+        let changing = self.changing_fraction;
+        require(changing >= 0.01, "changing_fraction", "0.01 or more", Got::Number(changing))?;
         require(self.least_sightings >= 1, "least_sightings", "1 or more", Got::Count(self.least_sightings))?;
         let history = self.longest_history;
         require((4..=1_000_000).contains(&history), "longest_history", "4 to 1000000", Got::Count(history))

@@ -68,7 +68,9 @@ pub(crate) struct Told {
     pub(crate) facing: Facing,
     pub(crate) size: SizeEstimate,
     pub(crate) standing: bool,
-    pub(crate) constant_fraction: f64,
+    /// Of a stated variance of a size, what all frames share, and what each has of its own.
+    pub(crate) shared: f64,
+    pub(crate) own: f64,
 }
 
 /// Of a belief at a time; id, frame and the like are the caller's to fill in.
@@ -79,7 +81,7 @@ pub(crate) fn row_of(belief: &Belief, told: &Told, camera: Camera2) -> TrackRow 
     let sigma = |k: usize| sqrt(belief.covariance[(k, k)].max(0.0));
     let covariance = belief.covariance.fixed_view::<2, 2>(0, 0).into_owned();
     let (size, size_sigma) =
-        told.size.of(belief.mean[SCALE], belief.covariance[(SCALE, SCALE)], told.constant_fraction);
+        told.size.of(belief.mean[SCALE], belief.covariance[(SCALE, SCALE)], (told.shared, told.own));
     let place = [belief.mean[X], belief.mean[Z]];
     let p = told.facing.probability();
     TrackRow {

@@ -27,15 +27,15 @@ impl SizeEstimate {
     }
 
     /// Metres with standard deviations, for a log scale that its poses are too large by; NaN where nothing was seen.
-    /// `constant`: fraction of the variance of a frame that all frames share.
-    pub(crate) fn of(&self, scale: f64, scale_variance: f64, constant: f64) -> ([f64; 3], [f64; 3]) {
+    /// `shared` and `own`: of a stated variance, what all frames share and what each has of its own.
+    pub(crate) fn of(&self, scale: f64, scale_variance: f64, (shared, own): (f64, f64)) -> ([f64; 3], [f64; 3]) {
         let (mut size, mut sigma) = ([f64::NAN; 3], [f64::NAN; 3]);
         for k in 0..3 {
             if self.weights[k] > 0.0 {
                 size[k] = exp(self.logs[k] / self.weights[k] - scale);
                 // The part that frames share holds the error of the scale, of which `scale_variance` is left.
-                let shared = constant * self.least[k];
-                let own = (1.0 - constant) / self.weights[k];
+                let shared = shared * self.least[k];
+                let own = own / self.weights[k];
                 sigma[k] = size[k] * sqrt(shared.max(scale_variance) + own);
             }
         }

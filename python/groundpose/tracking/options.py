@@ -24,10 +24,11 @@ class TrackOptions(Value):
         acceleration_sigma: m/s^2, of a vehicle's acceleration along its axis.
         turning_sigma: rad/s, of the change of its yaw rate within a second.
         speed_sigma: m/s, of its speed before anything is seen of it.
-        constant_fraction: of the variance of a stated distance, what is the same in all frames of a vehicle: its
-            class is not as large as it is.
-        slow_fraction: of the variance of stated distances and headings, what is forgotten within `error_time`: a
-            network sees the same picture a moment later.
+        constant_fraction: variance of a distance that is the same in all frames of a vehicle, in stated variances: its
+            class is not as large as it is. Nothing but motion makes a tracker surer of it than one picture is.
+        changing_fraction: variance of a distance that changes from frame to frame, in stated ones.
+        slow_fraction: of it, and of the variance of stated bearings and headings, what is forgotten within
+            `error_time`: a network sees nearly the same picture a moment later.
         error_time: s, within which a network forgets its error.
         gate: squared statistical distance up to which a pose can belong to a vehicle.
         longest_gap: s; a vehicle not seen for longer has left.
@@ -44,6 +45,7 @@ class TrackOptions(Value):
     turning_sigma: float = _DEFAULTS["turning_sigma"]
     speed_sigma: float = _DEFAULTS["speed_sigma"]
     constant_fraction: float = _DEFAULTS["constant_fraction"]
+    changing_fraction: float = _DEFAULTS["changing_fraction"]
     slow_fraction: float = _DEFAULTS["slow_fraction"]
     error_time: float = _DEFAULTS["error_time"]
     gate: float = _DEFAULTS["gate"]

@@ -67,7 +67,9 @@ class Tracks:
     def of(cls, columns: dict[str, Any], names: list[str]) -> Tracks:
         """From the core's columns, `names` of its classes."""
         given = {name: value for name, value in columns.items() if name != "class"}
-        classes = np.array([*names, ""])[columns["class"]] if len(columns["class"]) else np.array([], dtype=str)
+        classes = (
+            np.array([*names, ""])[columns["class"]] if len(columns["class"]) else np.array([], dtype=str)
+        )
         given["place_covariance"] = columns["place_covariance"].reshape(-1, 2, 2)
         return cls(**given, name=classes)
 
