@@ -30,7 +30,7 @@ const NUMBERS: [Number; 9] = [
     ("turning_sigma", |o| &mut o.turning_sigma),
     ("speed_sigma", |o| &mut o.speed_sigma),
     ("constant_fraction", |o| &mut o.constant_fraction),
-    ("changing_fraction", |o| &mut o.changing_fraction),
+    ("own_fraction", |o| &mut o.own_fraction),
     ("slow_fraction", |o| &mut o.slow_fraction),
     ("error_time", |o| &mut o.error_time),
     ("gate", |o| &mut o.gate),

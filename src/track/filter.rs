@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
 
-use crate::geometry::math::{cos, exp, log, sin, sqrt, square};
+use crate::geometry::math::{atan2, cos, exp, log, sin, sqrt, square};
 use crate::track::facing::Facing;
 use crate::track::model::{
     ACCELERATION, AXIS, BEARING_ERROR, Belief, Camera2, DISTANCE_ERROR, HEADING_ERROR, Motion, SCALE, State,
@@ -13,6 +13,11 @@ use crate::track::row::{Told, TrackRow, row_of, wrapped};
 use crate::track::sighting::{Reading, Sighting};
 use crate::track::size::SizeEstimate;
 
+/// A network's errors are others when a vehicle has turned by so much, as the camera sees it, or is nearer by this factor,
+/// a logarithm.
+const SAME_PICTURE: (f64, f64) = (0.35, 0.35);
+/// What is constant, slow and of a frame adds up to the error of a distance: of the last two half as much as of others.
+const OF_DISTANCE: f64 = 0.5;
 /// Frames nearer in time than this show a front taken for a rear again.
 const PICTURE_TIME: f64 = 0.5;
 /// Of a place before anything is seen of it, metres; of an axis, rad.
@@ -55,7 +60,7 @@ const DOF: (f64, f64) = (3.0, 8.0);
 /// let camera = [0.0; 3];
 /// let mut filter = VehicleFilter::new(&TrackOptions::default(), camera, &at(0));
 /// for k in 1..20 {
-///     filter.predict(0.1);
+///     filter.predict(0.1, camera);
 ///     assert!(filter.distance2(camera, &at(k)) < 18.0);
 ///     filter.update(camera, 0.1, &at(k));
 /// }
@@ -73,6 +78,7 @@ pub struct VehicleFilter {
     stated: (f64, f64),
     standing: bool,
     drift: Vector2<f64>,
+    camera: Camera2,
     options: TrackOptions,
 }
 
@@ -90,7 +96,7 @@ impl VehicleFilter {
         let Reading { place, heading, .. } = seen.reading;
         let there = turned_by(camera[2], place);
         let mut mean = State::zeros();
-        (mean[X], mean[Z]) = (camera[0] + there[0], camera[1] + there[1]);
+        (mean[X], mean[Z]) = (there[0], there[1]);
         mean[AXIS] = heading + camera[2];
         let scale_sigma = stated_scale(options, &seen.reading).min(ANY_SCALE);
         let mut sigmas = State::repeat(1.0);
@@ -106,32 +112,47 @@ impl VehicleFilter {
             stated: (0.0, 0.0),
             standing: false,
             drift: Vector2::zeros(),
+            camera,
             options: *options,
         };
         filter.take(camera, f64::INFINITY, seen, &seen.reading);
         filter
     }
 
-    pub(crate) fn motion(&self) -> Motion {
-        let calm = if self.standing { 0.1 } else { 1.0 };
-        Motion {
-            acceleration_sigma: calm * self.options.acceleration_sigma,
-            turning_sigma: calm * self.options.turning_sigma,
-            error_time: self.options.error_time,
-            along_axis: self.options.camera_motion != CameraMotion::Unknown,
-        }
+    /// Whether it moves along its axis: not so relative to a camera whose motion is not known.
+    fn along_axis(&self) -> bool {
+        self.options.camera_motion != CameraMotion::Unknown
     }
 
-    /// `dt` seconds later, nothing seen.
-    pub fn predict(&mut self, dt: f64) {
-        self.advance(dt);
+    /// `dt` seconds later, nothing seen; the camera is there now.
+    pub fn predict(&mut self, dt: f64, camera: [f64; 3]) {
+        self.advance(dt, camera);
     }
 
     /// The same; the derivative of the mean by the mean before.
-    pub(crate) fn advance(&mut self, dt: f64) -> StateMatrix {
-        let (belief, by_before) = self.belief.predicted(dt, &self.motion());
+    pub(crate) fn advance(&mut self, dt: f64, camera: Camera2) -> StateMatrix {
+        let calm = if self.standing { 0.1 } else { 1.0 };
+        let mut motion = Motion {
+            acceleration_sigma: calm * self.options.acceleration_sigma,
+            turning_sigma: calm * self.options.turning_sigma,
+            keep: 1.0,
+            shift: [camera[0] - self.camera[0], camera[1] - self.camera[1]],
+            along_axis: self.along_axis(),
+        };
+        self.camera = camera;
+        motion.keep = self.still_the_same(dt, &self.belief.expected(dt, &motion));
+        let (belief, by_before) = self.belief.predicted(dt, &motion);
         self.belief = belief;
         by_before
+    }
+
+    /// How much of a network's errors is still the same after `dt` seconds: it is forgotten as the vehicle turns, in what
+    /// is seen of it, and comes nearer.
+    fn still_the_same(&self, dt: f64, later: &State) -> f64 {
+        let seen = |x: &State| (x[AXIS] - atan2(x[X], x[Z]), 0.5 * log(square(x[X]) + square(x[Z]) + 1e-6));
+        let ((angle, log_distance), (later_angle, later_log)) = (seen(&self.belief.mean), seen(later));
+        let turned = wrapped(later_angle - angle).abs() / SAME_PICTURE.0;
+        exp(-(turned + (later_log - log_distance).abs() / SAME_PICTURE.1 + dt / self.options.error_time))
     }
 
     /// Squared statistical distance between where it should be and where something was seen.
@@ -187,7 +208,7 @@ impl VehicleFilter {
 
     pub(crate) fn absorb(&mut self, camera: Camera2, dt: f64, seen: &Sighting) {
         self.take(camera, dt, seen, &self.likeliest(camera, seen));
-        if self.motion().along_axis {
+        if self.along_axis() {
             self.keep_along_axis(dt);
             self.judge_standing();
             let (along, by_along) = self.belief.along();
@@ -220,39 +241,35 @@ impl VehicleFilter {
         let side = Vector2::new(ray[1], -ray[0]);
         let plane = covariance.fixed_view::<2, 2>(0, 0);
         let variance = |of: &Vector2<f64>| of.dot(&(plane * of)).max(0.0);
-        let (changing, slow) = (self.options.changing_fraction, self.options.slow_fraction);
-        let slow_distance = sqrt(changing * slow * variance(&ray)) / distance;
+        let slow = self.options.slow_fraction;
+        let slow_distance = ray * sqrt(OF_DISTANCE * slow * variance(&ray));
         let slow_bearing = side * sqrt(slow * variance(&side));
         let slow_heading = sqrt(slow * covariance[(2, 2)]);
         let mean = &self.belief.mean;
-        let grown = exp((mean[SCALE] + slow_distance * mean[DISTANCE_ERROR]).clamp(-1.0, 1.0));
-        let expected = Vector2::new(mean[X] - camera[0], mean[Z] - camera[1]) * grown;
         let mut by_state = SMatrix::<f64, 3, TRACK_NUMBERS>::zeros();
         for k in 0..2 {
-            by_state[(k, X + k)] = grown;
-            by_state[(k, SCALE)] = expected[k];
-            by_state[(k, DISTANCE_ERROR)] = expected[k] * slow_distance;
+            by_state[(k, X + k)] = 1.0;
+            by_state[(k, DISTANCE_ERROR)] = slow_distance[k];
             by_state[(k, BEARING_ERROR)] = slow_bearing[k];
         }
         by_state[(2, AXIS)] = 1.0;
         by_state[(2, HEADING_ERROR)] = slow_heading;
-        let turned = reading.heading + camera[2] - mean[AXIS] - slow_heading * mean[HEADING_ERROR];
-        let residual = there - expected - slow_bearing * mean[BEARING_ERROR];
+        let expected = by_state * mean;
+        let residual = Vector3::new(
+            there[0] - expected[0],
+            there[1] - expected[1],
+            folded(reading.heading + camera[2] - expected[2]),
+        );
         let own = self.own_noise(&ray);
-        Measured {
-            residual: Vector3::new(residual[0], residual[1], folded(turned)),
-            by_state,
-            noise: own * covariance * own,
-        }
+        Measured { residual, by_state, noise: own * covariance * own }
     }
 
-    /// What takes the errors that frames share out of those of a reading.
+    /// From the error that a reading states to that of its frame alone.
     fn own_noise(&self, ray: &Vector2<f64>) -> Matrix3<f64> {
-        let (changing, slow) = (self.options.changing_fraction, self.options.slow_fraction);
-        let (own, own_distance) = (sqrt(1.0 - slow), sqrt(changing * (1.0 - slow)));
-        let plane = Matrix2::identity() * own + ray * ray.transpose() * (own_distance - own);
+        let own = sqrt(self.options.own_fraction);
+        let plane = Matrix2::identity() + ray * ray.transpose() * (sqrt(OF_DISTANCE) - 1.0);
         let mut all = Matrix3::identity() * own;
-        all.fixed_view_mut::<2, 2>(0, 0).copy_from(&plane);
+        all.fixed_view_mut::<2, 2>(0, 0).copy_from(&(plane * own));
         all
     }
 
@@ -351,7 +368,7 @@ impl VehicleFilter {
             size: self.size,
             standing: self.standing,
             shared: self.options.constant_fraction.min(1.0),
-            own: self.options.changing_fraction,
+            own: OF_DISTANCE * self.options.own_fraction,
         }
     }
 

@@ -4,13 +4,13 @@
 //!
 //! | state | unit | over time |
 //! |---|---|---|
-//! | place x, z | m | moves with the velocity |
-//! | velocity x, z | m/s | turns with the yaw rate, changes with the acceleration |
+//! | place x, z, from the camera, in the scale of the pictures | m | moves with the velocity, against the camera |
+//! | velocity x, z, in that scale | m/s | turns with the yaw rate, changes with the acceleration |
 //! | axis | rad | turns with the yaw rate; which end is the front is decided apart, see `facing` |
 //! | yaw rate | rad/s | random walk |
 //! | acceleration along the axis | m/s^2 | forgets within seconds |
 //! | log scale | | constant: a class-mean size that is wrong puts every pose of the vehicle as much too far |
-//! | log distance, bearing, heading | stated sigmas | errors of a network, the same from frame to frame, forgotten within a second |
+//! | log distance, bearing, heading | stated sigmas | errors of a network, the same as long as the picture is |
 //!
 //! Poses of one vehicle share errors. Taken as independent they would make a filter that is sure and wrong.
 

@@ -1,4 +1,7 @@
 //! How a vehicle moves: state, its prediction, measurements of it. Equations of an extended Kalman filter.
+//!
+//! Place and velocity are in the scale of the pictures and from where the camera is: `e^scale` times the true ones. What
+//! pictures say is linear in them, so that no rounding of a tangent says anything of the scale; what the camera moves does.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -43,7 +46,10 @@ const WANDER: f64 = 0.01;
 pub(crate) struct Motion {
     pub(crate) acceleration_sigma: f64,
     pub(crate) turning_sigma: f64,
-    pub(crate) error_time: f64,
+    /// How much of a network's errors is still the same: its picture has changed.
+    pub(crate) keep: f64,
+    /// How the camera moved meanwhile, metres along the axes of the plane.
+    pub(crate) shift: [f64; 2],
     /// Whether a vehicle moves along its axis: not so relative to a camera whose motion is not known.
     pub(crate) along_axis: bool,
 }
@@ -61,6 +67,11 @@ impl Belief {
         let (mean, f) = moved(&self.mean, dt, motion);
         let covariance = f * self.covariance * f.transpose() + noise(&self.mean, dt, motion);
         (Self { mean, covariance: symmetric(&covariance) }, f)
+    }
+
+    /// The mean alone `dt` seconds later.
+    pub(crate) fn expected(&self, dt: f64, motion: &Motion) -> State {
+        moved(&self.mean, dt, motion).0
     }
 
     /// Takes in a measurement: `h` derivative by the state, `residual` measured minus expected, `noise` its covariance.
@@ -122,13 +133,18 @@ fn moved(x: &State, dt: f64, motion: &Motion) -> (State, StateMatrix) {
     let keep = exp(-dt / ACCELERATION_TIME);
     let faster = ACCELERATION_TIME * (1.0 - keep);
     let farther = ACCELERATION_TIME * (dt - faster);
-    let forget = exp(-dt / motion.error_time);
+    // In the scale of the pictures the camera moves farther too.
+    let grown = exp(x[SCALE].clamp(-1.0, 1.0));
     let mut f = StateMatrix::identity();
     let mut y = *x;
     y[X] += arc.along * x[VX] + arc.across * x[VZ] + farther * x[ACCELERATION] * s;
     y[Z] += arc.along * x[VZ] - arc.across * x[VX] + farther * x[ACCELERATION] * c;
     y[VX] = arc.cos * x[VX] + arc.sin * x[VZ] + faster * x[ACCELERATION] * s;
     y[VZ] = arc.cos * x[VZ] - arc.sin * x[VX] + faster * x[ACCELERATION] * c;
+    for (k, shift) in [(X, motion.shift[0]), (Z, motion.shift[1])] {
+        y[k] -= grown * shift;
+        f[(k, SCALE)] = -grown * shift;
+    }
     y[AXIS] += dt * x[TURNING];
     y[ACCELERATION] *= keep;
     (f[(X, VX)], f[(X, VZ)], f[(Z, VX)], f[(Z, VZ)]) = (arc.along, arc.across, -arc.across, arc.along);
@@ -146,8 +162,8 @@ fn moved(x: &State, dt: f64, motion: &Motion) -> (State, StateMatrix) {
     }
     f[(ACCELERATION, ACCELERATION)] = keep;
     for k in ERRORS {
-        y[k] *= forget;
-        f[(k, k)] = forget;
+        y[k] *= motion.keep;
+        f[(k, k)] = motion.keep;
     }
     (y, f)
 }
@@ -216,7 +232,7 @@ fn noise(x: &State, dt: f64, motion: &Motion) -> StateMatrix {
     q[(ACCELERATION, ACCELERATION)] = along * (1.0 - exp(-2.0 * dt / ACCELERATION_TIME));
     q[(SCALE, SCALE)] = 1e-8 * dt;
     for k in ERRORS {
-        q[(k, k)] = 1.0 - exp(-2.0 * dt / motion.error_time);
+        q[(k, k)] = 1.0 - square(motion.keep);
     }
     q
 }

@@ -48,14 +48,15 @@ pub struct TrackOptions {
     pub turning_sigma: f64,
     /// Of a vehicle's speed before anything is seen of it, m/s.
     pub speed_sigma: f64,
-    /// Variance of a distance that is the same in all frames of a vehicle, in stated variances: nothing but motion makes a
-    /// tracker surer of a scale than one picture.
+    /// Variance of a distance that is the same in all frames of a vehicle, in stated variances: nothing but motion of the
+    /// camera makes a tracker surer of a scale than one picture.
     pub constant_fraction: f64,
-    /// Variance of a distance that changes from frame to frame, in stated ones.
-    pub changing_fraction: f64,
-    /// Of it, and of the variance of stated bearings and headings, the fraction that is forgotten within `error_time`.
+    /// Variance of bearings and headings that is the same as long as the picture is, in stated ones; of distances half as
+    /// much.
     pub slow_fraction: f64,
-    /// Within which a network forgets its error, s.
+    /// Variance that every frame has of its own, in stated ones; of distances half as much.
+    pub own_fraction: f64,
+    /// Within which a network forgets its errors when the picture stays the same, s.
     pub error_time: f64,
     /// Squared statistical distance up to which a sighting can belong to a vehicle.
     pub gate: f64,
@@ -74,10 +75,10 @@ impl Default for TrackOptions {
             acceleration_sigma: 1.5,
             turning_sigma: 0.3,
             speed_sigma: 12.0,
-            constant_fraction: 0.9,
-            changing_fraction: 0.35,
-            slow_fraction: 0.6,
-            error_time: 1.5,
+            constant_fraction: 0.6,
+            slow_fraction: 0.7,
+            own_fraction: 0.7,
+            error_time: 20.0,
             gate: 25.0,
             least_sightings: 3,
             longest_gap: 1.5,
@@ -104,16 +105,14 @@ impl TrackOptions {
             require(x > 0.0 && x <= 1e6, argument, "a number above 0, at most 1e6", Got::Number(x))?;
         }
         let fractions = [
-            ("constant_fraction", self.constant_fraction, 4.0),
-            ("changing_fraction", self.changing_fraction, 4.0),
-            ("slow_fraction", self.slow_fraction, 0.95),
+            ("constant_fraction", self.constant_fraction, 0.0),
+            ("slow_fraction", self.slow_fraction, 0.0),
+            ("own_fraction", self.own_fraction, 0.01),
         ];
-        for (argument, x, most) in fractions {
-            let expected = "a fraction from 0 to 4, of slow errors to 0.95";
-            require((0.0..=most).contains(&x), argument, expected, Got::Number(x))?;
+        for (argument, x, least) in fractions {
+            let expected = "a fraction from 0 to 10, of own errors from 0.01";
+            require((least..=10.0).contains(&x), argument, expected, Got::Number(x))?;
         }
-        let changing = self.changing_fraction;
-        require(changing >= 0.01, "changing_fraction", "0.01 or more", Got::Number(changing))?;
         require(self.least_sightings >= 1, "least_sightings", "1 or more", Got::Count(self.least_sightings))?;
         let history = self.longest_history;
         require((4..=1_000_000).contains(&history), "longest_history", "4 to 1000000", Got::Count(history))

@@ -1,10 +1,10 @@
 //! A vehicle at one time, as a tracker answers.
 
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, SMatrix};
 
-use crate::geometry::math::{atan2, cos, sin, sqrt};
+use crate::geometry::math::{atan2, cos, exp, sin, sqrt};
 use crate::track::facing::Facing;
-use crate::track::model::{ACCELERATION, AXIS, Belief, Camera2, SCALE, TURNING, X, Z};
+use crate::track::model::{ACCELERATION, AXIS, Belief, Camera2, SCALE, State, TRACK_NUMBERS, TURNING, X, Z};
 use crate::track::size::SizeEstimate;
 
 /// A vehicle at one time.
@@ -79,10 +79,15 @@ pub(crate) fn row_of(belief: &Belief, told: &Told, camera: Camera2) -> TrackRow 
     let (along, by_along) = belief.along();
     let heading = belief.mean[AXIS] + if side < 0.0 { core::f64::consts::PI } else { 0.0 };
     let sigma = |k: usize| sqrt(belief.covariance[(k, k)].max(0.0));
-    let covariance = belief.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+    let smaller = exp(-belief.mean[SCALE]);
+    let by_state = place_by_state(belief, smaller);
+    let covariance = by_state * belief.covariance * by_state.transpose();
     let (size, size_sigma) =
         told.size.of(belief.mean[SCALE], belief.covariance[(SCALE, SCALE)], (told.shared, told.own));
-    let place = [belief.mean[X], belief.mean[Z]];
+    let place = [camera[0] + smaller * belief.mean[X], camera[1] + smaller * belief.mean[Z]];
+    let (mut by_speed, mut by_acceleration) = (by_along * smaller, State::zeros());
+    by_speed[SCALE] = -smaller * along;
+    (by_acceleration[ACCELERATION], by_acceleration[SCALE]) = (smaller, -smaller * belief.mean[ACCELERATION]);
     let p = told.facing.probability();
     TrackRow {
         id: 0,
@@ -95,17 +100,27 @@ pub(crate) fn row_of(belief: &Belief, told: &Told, camera: Camera2) -> TrackRow 
         heading: wrapped(heading),
         heading_sigma: sigma(AXIS),
         facing_probability: p.max(1.0 - p),
-        speed: side * along,
-        speed_sigma: sqrt(belief.variance(&by_along)),
+        speed: side * smaller * along,
+        speed_sigma: sqrt(belief.variance(&by_speed)),
         yaw_rate: belief.mean[TURNING],
         yaw_rate_sigma: sigma(TURNING),
-        acceleration: side * belief.mean[ACCELERATION],
-        acceleration_sigma: sigma(ACCELERATION),
+        acceleration: side * smaller * belief.mean[ACCELERATION],
+        acceleration_sigma: sqrt(belief.variance(&by_acceleration)),
         size,
         size_sigma,
         standing: told.standing,
         seen_from: seen_from(place, heading, camera),
     }
+}
+
+/// Derivative of a place by the state.
+fn place_by_state(belief: &Belief, smaller: f64) -> SMatrix<f64, 2, TRACK_NUMBERS> {
+    let mut by_state = SMatrix::<f64, 2, TRACK_NUMBERS>::zeros();
+    for k in 0..2 {
+        by_state[(k, X + k)] = smaller;
+        by_state[(k, SCALE)] = -smaller * belief.mean[X + k];
+    }
+    by_state
 }
 
 fn seen_from([x, z]: [f64; 2], heading: f64, [cx, cz, yaw]: Camera2) -> [f64; 3] {

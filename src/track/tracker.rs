@@ -83,7 +83,7 @@ impl Tracker {
         let moment = Moment { frame: self.frame, time, camera: self.camera };
         self.drop_lost(time);
         let dt = dt.unwrap_or(0.0);
-        self.vehicles.iter_mut().for_each(|vehicle| vehicle.predict(dt));
+        self.vehicles.iter_mut().for_each(|vehicle| vehicle.predict(dt, moment.camera));
         let chosen = assign(&self.options, &self.vehicles, sightings, &moment);
         let mut is_new = vec![true; sightings.len()];
         for (vehicle, k) in self.vehicles.iter_mut().zip(chosen) {

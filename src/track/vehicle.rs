@@ -63,8 +63,8 @@ impl Vehicle {
     }
 
     /// `dt` seconds later.
-    pub(crate) fn predict(&mut self, dt: f64) {
-        self.by_before = self.filter.advance(dt);
+    pub(crate) fn predict(&mut self, dt: f64, camera: Camera2) {
+        self.by_before = self.filter.advance(dt, camera);
         self.predicted = self.filter.belief;
     }
 

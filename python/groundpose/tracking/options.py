@@ -25,11 +25,12 @@ class TrackOptions(Value):
         turning_sigma: rad/s, of the change of its yaw rate within a second.
         speed_sigma: m/s, of its speed before anything is seen of it.
         constant_fraction: variance of a distance that is the same in all frames of a vehicle, in stated variances: its
-            class is not as large as it is. Nothing but motion makes a tracker surer of it than one picture is.
-        changing_fraction: variance of a distance that changes from frame to frame, in stated ones.
-        slow_fraction: of it, and of the variance of stated bearings and headings, what is forgotten within
-            `error_time`: a network sees nearly the same picture a moment later.
-        error_time: s, within which a network forgets its error.
+            class is not as large as it is. Nothing but motion of the camera makes a tracker surer of it than one
+            picture is.
+        slow_fraction: variance of bearings and headings that is the same as long as the picture is, in stated ones; of
+            distances half as much.
+        own_fraction: variance that every frame has of its own, in stated ones; of distances half as much.
+        error_time: s, within which a network forgets its errors when the picture stays the same.
         gate: squared statistical distance up to which a pose can belong to a vehicle.
         longest_gap: s; a vehicle not seen for longer has left.
         least_sightings: until a vehicle is one.
@@ -45,8 +46,8 @@ class TrackOptions(Value):
     turning_sigma: float = _DEFAULTS["turning_sigma"]
     speed_sigma: float = _DEFAULTS["speed_sigma"]
     constant_fraction: float = _DEFAULTS["constant_fraction"]
-    changing_fraction: float = _DEFAULTS["changing_fraction"]
     slow_fraction: float = _DEFAULTS["slow_fraction"]
+    own_fraction: float = _DEFAULTS["own_fraction"]
     error_time: float = _DEFAULTS["error_time"]
     gate: float = _DEFAULTS["gate"]
     longest_gap: float = _DEFAULTS["longest_gap"]

@@ -40,6 +40,8 @@ class SequenceFrame:
     vehicle: NDArray[np.int64]
     """(N,) which vehicle an object is; -1: none."""
     truth: Truth
+    ego: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the camera is: metres in the world, and its direction."""
 
 
 @dataclass(frozen=True, eq=False)
