@@ -9,13 +9,13 @@ use crate::track::sighting::Sighting;
 use crate::track::vehicle::{Moment, Vehicle};
 
 /// Costs are log probabilities: nothing costs more than this, and a pair that costs more is none.
-const MOST: f64 = 18.0;
+const MOST: f64 = 13.0;
 /// A place says no more than this, once it is far off.
 const MOST_OF_PLACE: f64 = 8.0;
 /// 2D boxes that do not overlap.
 const OF_BOX: f64 = 8.0;
 /// Another class.
-const OF_CLASS: f64 = 1.0;
+const OF_CLASS: f64 = 2.5;
 /// Boxes that overlap so far are one vehicle, wherever the pose puts it.
 const OVERLAP: f64 = 0.4;
 /// Boxes older than this say nothing, s.

@@ -16,6 +16,9 @@ use crate::track::size::SizeEstimate;
 /// A network's errors are others when a vehicle has turned by so much, as the camera sees it, or is nearer by this factor,
 /// a logarithm.
 const SAME_PICTURE: (f64, f64) = (0.35, 0.35);
+/// How much a picture changes what is usual, and how much larger errors, a logarithm, are not usual.
+const STATED_KEEPS: f64 = 0.1;
+const FAR_MORE: f64 = 0.7;
 /// What is constant, slow and of a frame adds up to the error of a distance: of the last two half as much as of others.
 const OF_DISTANCE: f64 = 0.5;
 /// Frames nearer in time than this show a front taken for a rear again.
@@ -74,8 +77,8 @@ pub struct VehicleFilter {
     facing: Facing,
     size: SizeEstimate,
     scale_sigma: f64,
-    /// Sum of the logarithms of the stated ones, and their number.
-    stated: (f64, f64),
+    /// Means of the logarithms of stated standard deviations: of distance and bearing, in distances, and of heading.
+    stated: Vector3<f64>,
     standing: bool,
     drift: Vector2<f64>,
     camera: Camera2,
@@ -98,7 +101,7 @@ impl VehicleFilter {
         let mut mean = State::zeros();
         (mean[X], mean[Z]) = (there[0], there[1]);
         mean[AXIS] = heading + camera[2];
-        let scale_sigma = stated_scale(options, &seen.reading).min(ANY_SCALE);
+        let scale_sigma = (exp(spread_of(&seen.reading)[0]) * sqrt(options.constant_fraction)).min(ANY_SCALE);
         let mut sigmas = State::repeat(1.0);
         (sigmas[X], sigmas[Z]) = (NOWHERE, NOWHERE);
         (sigmas[VX], sigmas[VZ]) = (options.speed_sigma, options.speed_sigma);
@@ -109,7 +112,7 @@ impl VehicleFilter {
             facing: Facing::default(),
             size: SizeEstimate::default(),
             scale_sigma,
-            stated: (0.0, 0.0),
+            stated: spread_of(&seen.reading),
             standing: false,
             drift: Vector2::zeros(),
             camera,
@@ -236,9 +239,10 @@ impl VehicleFilter {
         let distance = there.norm().max(0.1);
         let (s, c) = (sin(camera[2]), cos(camera[2]));
         let turn = Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
-        let covariance = turn * reading.covariance * turn.transpose();
         let ray = there / distance;
         let side = Vector2::new(ray[1], -ray[0]);
+        let usual = self.usual(reading, &ray, &side);
+        let covariance = usual * turn * reading.covariance * turn.transpose() * usual;
         let plane = covariance.fixed_view::<2, 2>(0, 0);
         let variance = |of: &Vector2<f64>| of.dot(&(plane * of)).max(0.0);
         let slow = self.options.slow_fraction;
@@ -264,6 +268,24 @@ impl VehicleFilter {
         Measured { residual, by_state, noise: own * covariance * own }
     }
 
+    /// From the errors that a reading states to those that its vehicle's pictures usually have at this distance; readings
+    /// that state far larger ones are believed.
+    fn usual(&self, reading: &Reading, ray: &Vector2<f64>, side: &Vector2<f64>) -> Matrix3<f64> {
+        let own = spread_of(reading);
+        let [x, z] = reading.place;
+        let expected = 0.5 * log((square(self.belief.mean[X]) + square(self.belief.mean[Z])).max(1.0));
+        let nearer = expected - 0.5 * log((square(x) + square(z)).max(1.0));
+        let factor = |k: usize, more: f64| {
+            let usual = self.stated[k] - own[k];
+            if usual < -FAR_MORE { 1.0 } else { exp((usual + more).clamp(-3.0, 3.0)) }
+        };
+        let (along, across) = (factor(0, nearer), factor(1, nearer));
+        let mut all = Matrix3::identity() * factor(2, 0.0);
+        let plane = ray * ray.transpose() * along + side * side.transpose() * across;
+        all.fixed_view_mut::<2, 2>(0, 0).copy_from(&plane);
+        all
+    }
+
     /// From the error that a reading states to that of its frame alone.
     fn own_noise(&self, ray: &Vector2<f64>) -> Matrix3<f64> {
         let own = sqrt(self.options.own_fraction);
@@ -275,7 +297,7 @@ impl VehicleFilter {
 
     /// Takes a reading in; numbers far from what they should be count little.
     fn take(&mut self, camera: Camera2, dt: f64, seen: &Sighting, reading: &Reading) {
-        self.bound_scale(&seen.reading);
+        self.state_errors(reading);
         let mut m = self.measured(camera, reading);
         let dof = seen.error_dof.clamp(DOF.0, DOF.1);
         let s = m.by_state * self.belief.covariance * m.by_state.transpose() + m.noise;
@@ -291,17 +313,18 @@ impl VehicleFilter {
         self.size.add(&seen.size, &seen.size_sigma, of_place * new.max(0.2));
     }
 
-    /// Pictures that state smaller errors than the first, on the whole, say more of the scale.
-    fn bound_scale(&mut self, reading: &Reading) {
-        self.stated.0 += log(stated_scale(&self.options, reading).max(1e-4));
-        self.stated.1 += 1.0;
-        let stated = exp(self.stated.0 / self.stated.1);
-        if stated < 0.95 * self.scale_sigma {
-            let variance = 1.0 / (1.0 / square(stated) - 1.0 / square(self.scale_sigma));
+    /// What pictures state of their errors on the whole: a picture that puts a vehicle too near is surer of it than one that
+    /// puts it too far, and must not count more.
+    fn state_errors(&mut self, reading: &Reading) {
+        self.stated += (spread_of(reading) - self.stated) * STATED_KEEPS;
+        let scale = exp(self.stated[0]) * sqrt(self.options.constant_fraction);
+        let scale = scale.max(1e-4);
+        if scale < 0.95 * self.scale_sigma {
+            let variance = 1.0 / (1.0 / square(scale) - 1.0 / square(self.scale_sigma));
             let mut h = State::zeros();
             h[SCALE] = 1.0;
             self.belief.update_one(&h, -self.belief.mean[SCALE], variance);
-            self.scale_sigma = stated;
+            self.scale_sigma = scale;
         }
     }
 
@@ -390,9 +413,12 @@ fn folded(angle: f64) -> f64 {
     0.5 * wrapped(2.0 * angle)
 }
 
-/// Standard deviation of the log scale as a reading states it.
-fn stated_scale(options: &TrackOptions, reading: &Reading) -> f64 {
+/// Logarithms of the standard deviations that a reading states: of distance and bearing, in distances, and of heading.
+fn spread_of(reading: &Reading) -> Vector3<f64> {
     let there = Vector2::from(reading.place);
-    let along = there.dot(&(reading.covariance.fixed_view::<2, 2>(0, 0) * there)).max(0.0);
-    sqrt(options.constant_fraction * along) / there.norm_squared().max(0.01)
+    let distance2 = there.norm_squared().max(0.01);
+    let side = Vector2::new(there[1], -there[0]);
+    let plane = reading.covariance.fixed_view::<2, 2>(0, 0);
+    let of = |along: &Vector2<f64>| along.dot(&(plane * along)) / square(distance2);
+    Vector3::new(of(&there), of(&side), reading.covariance[(2, 2)]).map(|x| 0.5 * log(x.max(1e-12)))
 }

@@ -142,7 +142,8 @@ class Errors:
             place_held=d2 <= plane,
             heading_held=turned**2 <= one * said.heading_sigma**2,
             speed_held=speed**2 <= one * said.speed_sigma**2,
-            size_held=((said.size - truth.size) ** 2 <= one[:, None] * said.size_sigma**2).mean(axis=1) > 0.99,
+            size_held=((said.size - truth.size) ** 2 <= one[:, None] * said.size_sigma**2).mean(axis=1)
+            > 0.99,
             standing=np.abs(truth.speed) < 0.1,
         )
 

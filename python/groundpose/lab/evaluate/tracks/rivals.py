@@ -90,7 +90,9 @@ class Sort:
             for row, column in assignment(-overlap):
                 if overlap[row, column] >= self.least_overlap:
                     track = self.tracks[row]
-                    track.filter.update(np.eye(4, 7), _measured(boxes[column]), np.diag([1.0, 1.0, 10.0, 10.0]))
+                    track.filter.update(
+                        np.eye(4, 7), _measured(boxes[column]), np.diag([1.0, 1.0, 10.0, 10.0])
+                    )
                     track.hits, track.misses = track.hits + 1, 0
                     ids[column] = track.id
         for column in np.flatnonzero(ids < 0):
