@@ -8,7 +8,7 @@ use std::path::Path;
 const ROOMS: [(&str, &[&str]); 12] = [
     ("error", &[]),
     ("tuning", &[]),
-    ("geometry", &["math", "bbox", "footprint", "lens", "camera", "view", "pose"]),
+    ("geometry", &["math", "bbox", "footprint", "lens", "camera", "view", "pose", "local_view"]),
     ("model", &["shape_model", "observation"]),
     ("simd", &["lanes", "avx", "dispatch", "blocks", "projection"]),
     ("minimal", &["p1p", "p1p_height", "up2p", "p3p"]),
@@ -46,6 +46,8 @@ const ROOMS: [(&str, &[&str]); 12] = [
             "alternative",
             "describe",
             "pipeline",
+            "outline",
+            "wide",
             "estimator",
             "frame_tilt",
             "frame_priors",

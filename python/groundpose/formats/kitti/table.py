@@ -7,7 +7,6 @@ x1, y1, x2, y2, h, w, l, x, y, z, ry, det_score, det_x1 ... det_y2, imgW, imgH),
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,12 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from groundpose._checks import FloatArray, input_error
+from groundpose._checks import FloatArray, describe, input_error
+from groundpose._npz import read_arrays
 from groundpose.formats.kitti.dataset import KittiFrame, read_split
 from groundpose.formats.kitti.labels import KittiLabel
 from groundpose.formats.skips import Skips
 
-_ARRAYS = ("rows", "cols", "classes", "P2_by_seq")
+_ARRAYS = {"rows": ("fiu", 2), "cols": ("U", 1), "classes": ("U", 1), "P2_by_seq": ("fiu", 3)}
+"""Kinds of their dtypes, and their dimensions."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,13 @@ class KittiTable:
 
     @cached_property
     def _content(self) -> dict[str, Any]:
-        try:
-            with np.load(self.root, allow_pickle=False) as data:
-                content = {name: data[name] for name in _ARRAYS}
-        except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise input_error(str(self.root), f"arrays {', '.join(_ARRAYS)}", error) from None
+        content = read_arrays(self.root, f"arrays {', '.join(_ARRAYS)}")
+        if missing := set(_ARRAYS) - set(content):
+            raise input_error(str(self.root), f"arrays {', '.join(_ARRAYS)}", f"no {min(missing)}")
+        for name, (kinds, dimensions) in _ARRAYS.items():
+            if content[name].dtype.kind not in kinds or content[name].ndim != dimensions:
+                expected = f"an array of {dimensions} dimensions"
+                raise input_error(f"{self.root}: {name}", expected, describe(content[name]))
         return {**content, "cols": content["cols"].tolist(), "classes": content["classes"].tolist()}
 
     @cached_property
