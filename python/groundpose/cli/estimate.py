@@ -220,7 +220,7 @@ def estimate(
         mounting = Mounting(pitch, roll, height, sigma, frame, learned)
         read = Inputs(source, tuple(path for path in (boxes, detector, calib, network, learn_camera) if path))
         job = _Job(options, threads, mounting, out, form, draw, strict, read, said)
-        meant = _meant(classes or [])
+        meant = named_classes(classes or [])
         if boxes is not None or detector is not None or is_image(source):
             seen_by = CameraChoice(calib, camera, fov_deg)
             found_by = BoxChoice(boxes, detector, detector_score)
@@ -255,7 +255,7 @@ def _radians(option: str, degrees: float | None, limit: float) -> float | None:
     return None if degrees is None else radians(option, degrees, limit)
 
 
-def _meant(classes: list[str]) -> dict[str, str]:
+def named_classes(classes: list[str]) -> dict[str, str]:
     """`NAME=CLASS` as names and classes."""
     for text in classes:
         if "=" not in text:
