@@ -218,13 +218,17 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     def _sizes(self) -> tuple[FloatArray, FloatArray]:
         """Sizes (N, 3) and variances (N, 3) of their logarithms."""
         size, variance = np.full((2, len(self), 3), np.nan)
-        for k in np.flatnonzero(self.ok):
-            modes = self.models[k].modes
-            size[k], slopes = self.models[k].stretched_size(self.shape_coefficients[k])
-            own = self.shape_covariance[k, :modes, :modes]
-            variance[k] = ((own @ slopes) * slopes).sum(axis=0)
-            with_shape = self.scale_covariance[k, :modes] @ slopes
-            variance[k] += 2.0 * with_shape + self.scale_covariance[k, -1]
+        alike: dict[int, list[int]] = {}
+        for k in np.flatnonzero(self.ok).tolist():
+            alike.setdefault(id(self.models[k]), []).append(k)
+        for rows in alike.values():
+            model = self.models[rows[0]]
+            size[rows], slopes = model.stretched_sizes(self.shape_coefficients[rows])
+            for k, slope in zip(rows, slopes, strict=True):
+                own = self.shape_covariance[k, : model.modes, : model.modes]
+                variance[k] = ((own @ slope) * slope).sum(axis=0)
+                with_shape = self.scale_covariance[k, : model.modes] @ slope
+                variance[k] += 2.0 * with_shape + self.scale_covariance[k, -1]
         return size, np.maximum(variance, 0.0)
 
     @property

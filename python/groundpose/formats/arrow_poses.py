@@ -60,59 +60,58 @@ def poses_table(answers: Sequence[Answer]) -> Any:
     has_object = np.repeat(counts > 0, np.maximum(counts, 1))
     objects = [a for a, count in zip(answers, counts, strict=True) if count]
     columns = {**_labels(answers, rows, counts), **_of_frames(answers, rows)}
-    own = _Sizes.of([a.poses for a in objects if a.poses is not None])
+    own = _Objects.of([a.poses for a in objects if a.poses is not None])
     place = np.where(has_object, np.cumsum(has_object) - 1, 0)
     picked = None if has_object.all() else arrow.array(place, mask=~has_object)
     for column in _FLAT:
-        made = _flat_column(column, own)
+        made = own.column(column)
         columns[column.name] = made if picked is None else made.take(picked)
     schema = schema_of(POSES)
     return arrow.Table.from_arrays([columns[name] for name in schema.names], schema=schema)
 
 
 @dataclass(frozen=True)
-class _Sizes:
-    """Batches, and of their objects the numbers of keypoints and modes."""
+class _Objects:
+    """All objects of some batches: of each the batch, and numbers of keypoints ("P") and modes ("M")."""
 
     batches: list[PoseBatch]
-    lengths: list[dict[int | str, NDArray[np.int64]]]
+    ends: NDArray[np.int64]
+    lengths: dict[int | str, NDArray[np.int64]]
 
     @classmethod
-    def of(cls, batches: list[PoseBatch]) -> _Sizes:
-        lengths = []
-        for poses in batches:
-            sizes = [(len(model.keypoints_3d), model.modes) for model in poses.models]
-            points, modes = np.array(sizes, dtype=np.int64).reshape(-1, 2).T
-            lengths.append({"P": points, "M": modes})
-        return cls(batches, lengths)
+    def of(cls, batches: list[PoseBatch]) -> _Objects:
+        sizes = [(len(model.keypoints_3d), model.modes) for poses in batches for model in poses.models]
+        points, modes = np.array(sizes, dtype=np.int64).reshape(-1, 2).T
+        return cls(batches, np.cumsum([len(poses) for poses in batches]), {"P": points, "M": modes})
 
+    def column(self, column: Column) -> Any:
+        """The column of all objects; null where only a network says it."""
+        arrow, kind = package(), arrow_type(column.type, column.shape)
+        known = [_values(column.name, poses) for poses in self.batches]
+        values = [v for v in known if v is not None]
+        if not values:
+            return arrow.nulls(len(self.lengths["P"]), kind)
+        if len(values) == len(known) and len({v.shape[1:] for v in values}) == 1:
+            return self._made(column, [np.concatenate(values)], [slice(None)]).cast(kind)
+        rows = [slice(b - len(p), b) for p, b in zip(self.batches, self.ends.tolist(), strict=True)]
+        made = self._made(column, values, [r for r, v in zip(rows, known, strict=True) if v is not None])
+        there = np.repeat([v is not None for v in known], [len(poses) for poses in self.batches])
+        place = arrow.array(np.where(there, np.cumsum(there) - 1, 0), mask=~there)
+        return made.cast(kind).take(place)
 
-def _flat_column(column: Column, own: _Sizes) -> Any:
-    """The column of all objects."""
-    arrow = package()
-    parts, sizes, known = [], [], []
-    for poses, lengths in zip(own.batches, own.lengths, strict=True):
-        values = _values(column.name, poses)
-        known.append(np.full(len(poses), values is not None))
-        if values is None:  # only a network says it
-            values = np.zeros((len(poses), *[0] * len(column.shape)))
-        given = [
-            lengths.get(n, np.full(len(poses), width))[:] if values.size or width else np.zeros(len(poses), int)
-            for n, width in zip(column.shape, values.shape[1:], strict=True)
+    def _made(self, column: Column, values: list[NDArray[Any]], rows: list[slice]) -> Any:
+        """Of batches of unlike widths, whose objects are `rows` of all."""
+        if not column.shape:
+            return package().array(np.concatenate(values))
+        own = [
+            [
+                self.lengths[n][r] if n in self.lengths else np.full(len(v), width)
+                for n, width in zip(column.shape, v.shape[1:], strict=True)
+            ]
+            for v, r in zip(values, rows, strict=True)
         ]
-        parts.append(own_parts(values, given))
-        sizes.append(given)
-    empty = np.zeros(0, dtype=bool if column.type == "bool" else "U1" if column.type == "string" else float)
-    flat = np.concatenate(parts) if parts else empty
-    if column.shape:
-        depth = range(len(column.shape))
-        joined = [np.concatenate([s[k] for s in sizes]) if sizes else np.zeros(0, np.int64) for k in depth]
-        made = nested(flat, joined)
-    else:
-        made = arrow.array(flat)
-    made = made.cast(arrow_type(column.type, column.shape))
-    there = np.concatenate(known) if known else np.zeros(0, dtype=bool)
-    return made if there.all() else made.take(arrow.array(np.arange(len(there)), mask=~there))
+        flat = np.concatenate([own_parts(v, lengths) for v, lengths in zip(values, own, strict=True)])
+        return nested(flat, [np.concatenate(lengths) for lengths in zip(*own, strict=True)])
 
 
 def _values(name: str, poses: PoseBatch) -> NDArray[Any] | None:
