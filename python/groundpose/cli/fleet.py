@@ -22,7 +22,6 @@ from groundpose.sizes import REGIONS, SizePrior
 
 if TYPE_CHECKING:
     from groundpose.fleet.run import Plan, Report
-    from groundpose.fleet.worker import EstimateFrames
 
 app = typer.Typer(
     help="Millions of frames: tables in, tables out, by many workers.",
@@ -49,14 +48,18 @@ def _root() -> None:
 def estimate(
     source: Annotated[
         Path,
-        typer.Argument(metavar="IN", help="Parquet file of frames, or a folder of them (and of such folders)."),
+        typer.Argument(
+            metavar="IN", help="Parquet file of frames, or a folder of them (and of such folders)."
+        ),
     ],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder of the poses: a new one, or one to go on with.")],
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help="Folder of the poses: a new one, or one to go on with.")
+    ],
     ray: Annotated[
         Ray,
         typer.Option(
-            help="Who runs the workers: [bold]none[/bold], processes of this machine; [bold]local[/bold], Ray "
-            "started here; [bold]auto[/bold], the Ray cluster that is running."
+            help="Who runs the workers: [bold]none[/bold], processes of this machine; [bold]local[/bold], Ray"
+            " started here; [bold]auto[/bold], the Ray cluster that is running."
         ),
     ] = Ray.NONE,
     workers: Annotated[
@@ -73,7 +76,9 @@ def estimate(
     network: NetworkFile = None,
     classes: Annotated[
         list[str] | None,
-        typer.Option(help="What a name of the boxes' classes means.", metavar="NAME=CLASS", show_default=False),
+        typer.Option(
+            help="What a name of the boxes' classes means.", metavar="NAME=CLASS", show_default=False
+        ),
     ] = None,
     vehicle_threshold: Annotated[
         float | None,
@@ -167,7 +172,9 @@ def _tell(report: Report, out: Path) -> int:
         complain(line)
     counts = report.counts
     if counts["bad"]:
-        say(f"{counted(counts['bad'], 'frames')} could not be estimated: rows with the status bad_frame in {out}")
+        say(
+            f"{counted(counts['bad'], 'frames')} could not be estimated: rows with the status bad_frame in {out}"
+        )
     done = f"{report.parts - len(report.failed)} of {counted(report.parts, 'parts')}"
     if report.before:
         done += f" ({report.before} before)"

@@ -18,7 +18,9 @@ def package() -> Any:
     try:
         return import_module("ray")
     except ModuleNotFoundError as error:
-        raise input_error("ray", "ray (pip install 'groundpose[fleet]')", f"no package {error.name}") from None
+        raise input_error(
+            "ray", "ray (pip install 'groundpose[fleet]')", f"no package {error.name}"
+        ) from None
 
 
 def on_ray(local: bool) -> Callable[[EstimateFrames, list[Part], int], Iterator[Outcome]]:

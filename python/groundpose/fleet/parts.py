@@ -32,14 +32,14 @@ class Part:
     """A row group of an input file.
 
     Attributes:
-        source: the file. row_group: its number. frames, bytes: how many. target: the file to write.
+        source: the file. row_group: its number. frames: how many. size: in bytes. target: the file to write.
         name: of the source in the folder of the input. stamp: its size and time.
     """
 
     source: Path
     row_group: int
     frames: int
-    bytes: int
+    size: int
     target: Path
     name: str
     stamp: str
@@ -47,7 +47,12 @@ class Part:
     @property
     def said(self) -> bytes:
         """What the output says of it."""
-        members = {"source": self.name, "row_group": self.row_group, "frames": self.frames, "stamp": self.stamp}
+        members = {
+            "source": self.name,
+            "row_group": self.row_group,
+            "frames": self.frames,
+            "stamp": self.stamp,
+        }
         return json.dumps(members).encode()
 
     def is_done(self) -> bool:

@@ -98,7 +98,7 @@ def plan(estimate: EstimateFrames, source: Path, out: Path) -> Plan:
     """Look at the input, and estimate some of its frames. Nothing is written. Raises OSError, InputError."""
     parts = parts_of(source, out)
     left = [part for part in parts if not part.is_done()]
-    frames, size = sum(part.frames for part in left), sum(part.bytes for part in left)
+    frames, size = sum(part.frames for part in left), sum(part.size for part in left)
     return Plan(len(parts), len(parts) - len(left), frames, size, _frame_seconds(estimate, left))
 
 
@@ -111,5 +111,5 @@ def _frame_seconds(estimate: EstimateFrames, parts: list[Part]) -> float:
             estimate(batch.slice(0, 1))
             begun = time.perf_counter()
             estimate(batch)
-            return (time.perf_counter() - begun) / batch.num_rows
+            return (time.perf_counter() - begun) / int(batch.num_rows)
     return 0.0

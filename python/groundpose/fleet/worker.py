@@ -59,7 +59,7 @@ class EstimateFrames:
     detector: str | None = None
     detector_score: float | None = None
     options: Options = field(default_factory=Options)
-    threads: int = 1
+    threads: int | None = 1
     vehicle_threshold: float | None = None
     classes: Mapping[str, str] = field(default_factory=dict)
     priors: FramePriors | None = None
@@ -72,7 +72,9 @@ class EstimateFrames:
         if not isinstance(table, arrow.Table):
             raise input_error("frames", "a pyarrow Table or RecordBatch", type(frames).__name__)
         starts = range(0, table.num_rows, FRAMES_AT_ONCE) or [0]  # an empty table is judged, too
-        return arrow.concat_tables([poses_table(self._answers(table.slice(k, FRAMES_AT_ONCE))) for k in starts])
+        return arrow.concat_tables(
+            [poses_table(self._answers(table.slice(k, FRAMES_AT_ONCE))) for k in starts]
+        )
 
     def batches(self, frames: Iterable[Any]) -> Iterator[Any]:
         """The same of a stream of RecordBatches, which is what Spark's `mapInArrow` wants."""
@@ -99,7 +101,9 @@ class EstimateFrames:
 
     def settings(self) -> dict[str, str]:
         """What decides the rows, in words; a network's and a detector's file with size and time."""
-        said = {f.name: repr(getattr(self, f.name)) for f in fields(self) if f.name not in ("threads", "folder")}
+        said = {
+            f.name: repr(getattr(self, f.name)) for f in fields(self) if f.name not in ("threads", "folder")
+        }
         for name in ("network", "detector"):
             path = getattr(self, name)
             if path is not None and Path(path).is_file():
@@ -115,55 +119,69 @@ class EstimateFrames:
             return Answer(row.frame, None, row.message, row.time, row.image)
         try:
             with blamed(f"frame {row.frame}"):
-                poses = self._poses(row)
+                poses = self.poses(row)
         except InputError as error:
             if isinstance(error.__cause__, (MemoryError, OSError)) and not _is_gone(error.__cause__):
                 raise error.__cause__ from None  # of the worker, not of the frame
             return Answer(row.frame, None, str(error), row.time, row.image)
         given = row.objects or ()
-        known = {"objects": [o.id for o in given], "scores": [o.score for o in given]} if given else {}
-        return Answer(row.frame, poses, None, row.time, row.image, **known)
+        ids = [o.id for o in given] or None
+        return Answer(row.frame, poses, None, row.time, row.image, ids, scores=[o.score for o in given] or None)
 
-    def _poses(self, row: FrameRow) -> PoseBatch:
-        if row.objects is None:
-            if self.detector is None:
-                raise input_error("objects", "boxes, or a detector", "null")
-            pixels = self._pixels(row)
-            found = _detector(self.detector, self.threads, self.detector_score)(pixels)
-            return self._pipeline(pixels, found, row.view, frame=self.priors)
-        known = [o.keypoints_2d is not None for o in row.objects]
-        if all(known):
-            return self._of_keypoints(row)
-        if any(known):
+    def poses(self, row: FrameRow, **known: Any) -> PoseBatch:
+        """Of one row; `known`: `frame` and `frame_tilt_sigma` of `estimate_poses`, instead of `priors`.
+
+        Raises:
+            InputError: a frame that cannot be estimated. OSError: naming the picture.
+        """
+        known = known or {"frame": self.priors}
+        if not row.needs_picture:
+            return self._of_keypoints(row, known)
+        if row.objects is None and self.detector is None:
+            raise input_error("objects", "boxes, or a detector", "null")
+        with_keypoints = sum(o.keypoints_2d is not None for o in row.objects or ())
+        if with_keypoints:
             expected = "keypoints of all objects or of none"
-            raise input_error("objects", expected, f"those of {sum(known)} of {len(known)}")
-        return self._pipeline(self._pixels(row), row.boxes, row.view, frame=self.priors)
+            raise input_error("objects", expected, f"those of {with_keypoints} of {len(row.objects or ())}")
+        pixels = self.pixels(row)
+        boxes = row.boxes
+        if row.objects is None and self.detector is not None:
+            boxes = _detector(self.detector, self.threads, self.detector_score)(pixels)
+        return self._pipeline(pixels, boxes, row.view, **known)
 
-    def _of_keypoints(self, row: FrameRow) -> PoseBatch:
+    def _of_keypoints(self, row: FrameRow, known: Mapping[str, Any]) -> PoseBatch:
         objects = row.objects or ()
+        keypoints: Any = [o.keypoints_2d for o in objects]
         scores: Any = None
         if any(o.keypoint_scores is not None for o in objects):
-            scores = [o.keypoint_scores or np.ones(len(o.keypoints_2d or ())) for o in objects]
+            scores = [
+                np.ones(len(points)) if o.keypoint_scores is None else o.keypoint_scores
+                for o in objects
+                if (points := o.keypoints_2d) is not None
+            ]
         return estimate_poses(
             row.view,
-            [o.keypoints_2d for o in objects],
+            keypoints,
             [o.bbox for o in objects],
             [o.model for o in objects if o.model is not None],
             scores,
             self.options,
             self.threads,
-            frame=self.priors,
+            **known,
         )
 
-    def _pixels(self, row: FrameRow) -> ByteArray:
+    def pixels(self, row: FrameRow) -> ByteArray:
+        """The picture of a row. Raises InputError, OSError."""
         if row.picture is None:
             raise input_error("image", "a file's name, or its bytes", "null")
-        return as_rgb(row.picture if isinstance(row.picture, bytes) else Path(self.folder) / row.picture)
+        return as_rgb(Path(self.folder) / row.picture if isinstance(row.picture, str) else row.picture)
 
     @property
     def _pipeline(self) -> Pipeline:
         return _pipeline(
-            pickle.dumps((self.network, self.options, self.threads, self.vehicle_threshold, dict(self.classes)))
+            pickle.dumps(
+                (self.network, self.options, self.threads, self.vehicle_threshold, dict(self.classes))
+            )
         )
 
 

@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, blamed, input_error, shaped
 from groundpose._core import InputError
@@ -24,6 +25,7 @@ from groundpose.formats.parquet import package
 from groundpose.shape import ShapeModel
 from groundpose.types import Camera, View
 
+ByteArray = NDArray[np.uint8]
 _NOT_SEEN = (math.nan, math.nan)
 
 
@@ -42,14 +44,20 @@ class RowObject:
 
 @dataclass(frozen=True)
 class FrameRow:
-    """A frame: `objects` are None where a detector is to find them; `picture` is a file's name or bytes."""
+    """A frame: `objects` are None where a detector is to find them; `picture` is a file's name, its bytes or
+    its pixels (H, W, 3)."""
 
     frame: str
     time: float | None
     image: str | None
-    picture: str | bytes | None
+    picture: str | bytes | ByteArray | None
     view: View
     objects: tuple[RowObject, ...] | None
+
+    @property
+    def needs_picture(self) -> bool:
+        """Whether no keypoints are known of it: not one of objects that there are."""
+        return self.objects is None or any(o.keypoints_2d is None for o in self.objects)
 
     @property
     def boxes(self) -> Boxes:
@@ -106,7 +114,9 @@ def _row(row: Mapping[str, Any], points: Sequence[Any] | None) -> FrameRow | Bad
             camera = tuple((k, tuple(v) if isinstance(v, list) else v) for k, v in row["camera"].items())
             view = _view(camera, row["pitch"], row["roll"], row["height"])
             listed = row["objects"]
-            objects = None if listed is None else tuple(map(_object, listed, points or (), range(len(listed))))
+            objects = (
+                None if listed is None else tuple(map(_object, listed, points or (), range(len(listed))))
+            )
             picture = row["image"] if row["image_bytes"] is None else row["image_bytes"]
             return FrameRow(*said, picture, view, objects)
     except InputError as error:

@@ -52,7 +52,9 @@ def padded(column: Any, shape: Sequence[int | None], fill: float, name: str) -> 
     offsets, inside = opened(whole, name)
     width = shape[0] if shape[0] is not None else int(np.diff(offsets).max(initial=0))
     if shape[0] is not None and (np.diff(offsets) != width).any():
-        raise input_error(name, f"lists of {width}", f"one of {int(np.diff(offsets)[np.diff(offsets) != width][0])}")
+        raise input_error(
+            name, f"lists of {width}", f"one of {int(np.diff(offsets)[np.diff(offsets) != width][0])}"
+        )
     below = padded(inside, shape[1:], fill, name)
     made = np.full((len(whole), width, *below.shape[1:]), fill, dtype=below.dtype)
     made[np.arange(width) < np.diff(offsets)[:, None]] = below

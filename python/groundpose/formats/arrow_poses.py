@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose._checks import input_error, type_error
+from groundpose._checks import FloatArray, input_error, type_error
 from groundpose.formats import arrow_schema as schemas
 from groundpose.formats.arrow_lists import nested, own_parts, padded
 from groundpose.formats.arrow_schema import FRAME_KEY, POSES, Column, arrow_type, checked, schema_of
@@ -75,6 +75,7 @@ class _Objects:
     """All objects of some batches: of each the batch, and numbers of keypoints ("P") and modes ("M")."""
 
     batches: list[PoseBatch]
+    sizes: list[dict[str, FloatArray]]
     ends: NDArray[np.int64]
     lengths: dict[int | str, NDArray[np.int64]]
 
@@ -82,12 +83,16 @@ class _Objects:
     def of(cls, batches: list[PoseBatch]) -> _Objects:
         sizes = [(len(model.keypoints_3d), model.modes) for poses in batches for model in poses.models]
         points, modes = np.array(sizes, dtype=np.int64).reshape(-1, 2).T
-        return cls(batches, np.cumsum([len(poses) for poses in batches]), {"P": points, "M": modes})
+        both = [dict(zip(("size", "size_sigma"), poses.size_and_sigma(), strict=True)) for poses in batches]
+        return cls(batches, both, np.cumsum([len(poses) for poses in batches]), {"P": points, "M": modes})
 
     def column(self, column: Column) -> Any:
         """The column of all objects; null where only a network says it."""
         arrow, kind = package(), arrow_type(column.type, column.shape)
-        known = [_values(column.name, poses) for poses in self.batches]
+        known = [
+            sizes[column.name] if column.name in sizes else _values(column.name, poses)
+            for sizes, poses in zip(self.sizes, self.batches, strict=True)
+        ]
         values = [v for v in known if v is not None]
         if not values:
             return arrow.nulls(len(self.lengths["P"]), kind)
@@ -120,11 +125,11 @@ def _values(name: str, poses: PoseBatch) -> NDArray[Any] | None:
     return None if values is None else np.asarray(values)
 
 
-def _labels(
-    answers: Sequence[Answer], rows: NDArray[np.intp], counts: NDArray[np.int64]
-) -> dict[str, Any]:
+def _labels(answers: Sequence[Answer], rows: NDArray[np.intp], counts: NDArray[np.int64]) -> dict[str, Any]:
     arrow = package()
-    listed: dict[str, list[Any]] = {name: [] for name in ("status", "object", "class", "detection_score", "model")}
+    listed: dict[str, list[Any]] = {
+        name: [] for name in ("status", "object", "class", "detection_score", "model")
+    }
     texts: dict[int, str] = {}
     for answer, count in zip(answers, counts.tolist(), strict=True):
         poses = answer.poses
@@ -202,7 +207,7 @@ def from_arrow(cls: type[_Batch], given: Any) -> _Batch:
     table = table.filter(package().compute.is_valid(table.column("object")))
     status = np.array(table.column("status").to_pylist(), dtype=np.str_)
     models = tuple(model_of(text) for text in table.column("model").to_pylist())
-    values = {"status": status, **_fields(table, schemas.RESULTS)}
+    values: dict[str, Any] = {"status": status, **_fields(table, schemas.RESULTS)}
     values |= {"bboxes": _fields(table, schemas.OBJECTS[:1])["bbox"], "models": models}
     values["scale_covariance"] = _scale(table)
     values |= {name: np.array(shared[name], dtype=float) for name in _SHARED[1:]}
@@ -258,7 +263,9 @@ def _field(table: Any, column: Column, ok: NDArray[np.bool_]) -> NDArray[Any]:
 
 
 def _scale(table: Any) -> NDArray[np.float64]:
-    with_shape, own = (padded(table.column(n), s, 0.0, n) for n, s in (("scale_covariance", [None]), ("scale_variance", [])))
+    with_shape, own = (
+        padded(table.column(n), s, 0.0, n) for n, s in (("scale_covariance", [None]), ("scale_variance", []))
+    )
     with_shape[np.isnan(own)] = np.nan
     return np.concatenate([with_shape, own[:, None]], axis=1)
 

@@ -57,7 +57,9 @@ OBJECTS = (
     Column("scale_covariance", "double", ("M",), "m", "log scale of the model with the coefficients"),
     Column("scale_variance", "double", (), "", "of the log scale"),
     Column("position", "double", (3,), "m", "middle of the bottom face in the ground frame"),
-    Column("heading", "double", (), "rad", "in the ground frame: 0 away from the camera, pi / 2 to the right"),
+    Column(
+        "heading", "double", (), "rad", "in the ground frame: 0 away from the camera, pi / 2 to the right"
+    ),
     Column("size", "double", (3,), "m", "length, height, width"),
     Column("size_sigma", "double", (3,), "m", "standard deviations of `size`"),
 )
@@ -75,7 +77,9 @@ LABELS = (
     Column("image", "string", (), "", "file of the picture"),
     Column("status", "string", (), "", "of the object, or of a frame without objects"),
     Column("message", "string", (), "", "what is wrong with a bad frame"),
-    Column("object", "string", (), "", "which object of the frame; null in the row of a frame without objects"),
+    Column(
+        "object", "string", (), "", "which object of the frame; null in the row of a frame without objects"
+    ),
     Column("class", "string", (), "", "of the object"),
     Column("detection_score", "double", (), "", "of its detector"),
     Column("model", "string", (), "", "`bundled:CLASS`, or a shape model as JSON"),

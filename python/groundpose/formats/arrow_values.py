@@ -40,7 +40,12 @@ def camera_of(value: Mapping[str, Any]) -> Camera:
 
 def view_value(view: View) -> dict[str, Any]:
     """The members of a view; `estimated` of one that vehicles show."""
-    value = {"camera": camera_value(view.camera), "pitch": view.pitch, "roll": view.roll, "height": view.height}
+    value = {
+        "camera": camera_value(view.camera),
+        "pitch": view.pitch,
+        "roll": view.roll,
+        "height": view.height,
+    }
     if isinstance(view, EstimatedView):
         scales = [{"class": name, "mean": m, "sigma": s} for name, (m, s) in view.class_scales.items()]
         numbers = {name: getattr(view, name) for name in ESTIMATED}
@@ -83,4 +88,6 @@ def model_of(text: str) -> ShapeModel:
         members = json.loads(text)
         return ShapeModel(**members)
     except (ValueError, TypeError, RecursionError) as error:
-        raise input_error("model", f"{BUNDLED}CLASS or a shape model as JSON", f"{text[:80]!r}: {error}") from None
+        raise input_error(
+            "model", f"{BUNDLED}CLASS or a shape model as JSON", f"{text[:80]!r}: {error}"
+        ) from None
