@@ -172,9 +172,8 @@ def _tell(report: Report, out: Path) -> int:
         complain(line)
     counts = report.counts
     if counts["bad"]:
-        say(
-            f"{counted(counts['bad'], 'frames')} could not be estimated: rows with the status bad_frame in {out}"
-        )
+        bad = counted(counts["bad"], "frames")
+        say(f"{bad} could not be estimated: rows with the status bad_frame in {out}")
     done = f"{report.parts - len(report.failed)} of {counted(report.parts, 'parts')}"
     if report.before:
         done += f" ({report.before} before)"

@@ -24,8 +24,8 @@ def package() -> Any:
 
 
 def on_ray(local: bool) -> Callable[[EstimateFrames, list[Part], int], Iterator[Outcome]]:
-    """Actors of a cluster of their own (`local`), or of the one that is running; folders must be shared by its
-    machines."""
+    """Actors of a cluster of their own (`local`), or of the one that is running, whose machines must share the
+    folders."""
     return partial(_on_ray, local)
 
 

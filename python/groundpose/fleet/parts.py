@@ -47,13 +47,8 @@ class Part:
     @property
     def said(self) -> bytes:
         """What the output says of it."""
-        members = {
-            "source": self.name,
-            "row_group": self.row_group,
-            "frames": self.frames,
-            "stamp": self.stamp,
-        }
-        return json.dumps(members).encode()
+        names = ("name", "row_group", "frames", "stamp")
+        return json.dumps({name: getattr(self, name) for name in names}).encode()
 
     def is_done(self) -> bool:
         """Whether its output is there, and of this input."""
@@ -70,7 +65,10 @@ def _parquet() -> Any:
 
 
 def files_of(source: Path) -> list[Path]:
-    """The Parquet files of a folder and the folders in it, in order, or a file alone. Raises OSError, InputError."""
+    """The Parquet files of a folder and the folders in it, in order, or a file alone.
+
+    Raises OSError, InputError.
+    """
     if not source.is_dir():
         source.open("rb").close()  # OSError in Python's own words
         return [source]

@@ -49,10 +49,10 @@ class EstimateFrames:
         folder: to which names of pictures are relative.
 
     Raises:
-        InputError: when it is called: a table of another schema or version, a column that is missing; a network
-            that is none of ours.
-        OSError: a file that cannot be read for another reason than that it is not there; the table is then to be
-            tried again.
+        InputError: when it is called: a table of another schema or version, a column that is missing; a
+            network that is none of ours.
+        OSError: a file that cannot be read for another reason than that it is not there; the table is then to
+            be tried again.
     """
 
     network: str | None = None
@@ -126,7 +126,8 @@ class EstimateFrames:
             return Answer(row.frame, None, str(error), row.time, row.image)
         given = row.objects or ()
         ids = [o.id for o in given] or None
-        return Answer(row.frame, poses, None, row.time, row.image, ids, scores=[o.score for o in given] or None)
+        scores = [o.score for o in given] or None
+        return Answer(row.frame, poses, None, row.time, row.image, ids, scores=scores)
 
     def poses(self, row: FrameRow, **known: Any) -> PoseBatch:
         """Of one row; `known`: `frame` and `frame_tilt_sigma` of `estimate_poses`, instead of `priors`.

@@ -1,4 +1,4 @@
-"""Frames that are to be estimated as rows of Arrow tables: what `groundpose.fleet` reads, and Parquet files in.
+"""Frames that are to be estimated as rows of Arrow tables: what `groundpose.fleet` and Parquet files give.
 
 A row that cannot be used is a `BadRow`, which costs the others nothing.
 """
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, blamed, input_error, shaped
 from groundpose._core import InputError
-from groundpose.formats.arrow_lists import opened
 from groundpose.formats.arrow_schema import FRAMES, checked, schema_of
 from groundpose.formats.arrow_values import camera_of, camera_value, model_of, model_text
 from groundpose.formats.boxes import Box, Boxes
@@ -191,9 +190,9 @@ def _each(lists: Any) -> list[Any]:
     if points.null_count or (np.diff(points.offsets.to_numpy()) != 2).any() or points.flatten().null_count:
         return list(lists.to_pylist())
     numbers = points.flatten().to_numpy().reshape(-1, 2)
-    ends = np.cumsum(np.diff(lists.offsets.to_numpy()) * valid).tolist()
+    ends = np.concatenate([[0], np.cumsum(np.diff(lists.offsets.to_numpy()) * valid)]).tolist()
     return [
-        numbers[a:b] if ok else None for a, b, ok in zip([0, *ends[:-1]], ends, valid.tolist(), strict=True)
+        numbers[a:b] if ok else None for a, b, ok in zip(ends[:-1], ends[1:], valid.tolist(), strict=True)
     ]
 
 

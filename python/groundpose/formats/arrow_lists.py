@@ -49,7 +49,7 @@ def padded(column: Any, shape: Sequence[int | None], fill: float, name: str) -> 
         if whole.null_count:
             raise input_error(name, "no nulls", f"{whole.null_count} of {len(whole)}")
         return np.asarray(whole.to_numpy(zero_copy_only=False))
-    offsets, inside = opened(whole, name)
+    offsets, inside = _opened(whole, name)
     width = shape[0] if shape[0] is not None else int(np.diff(offsets).max(initial=0))
     if shape[0] is not None and (np.diff(offsets) != width).any():
         raise input_error(
@@ -61,7 +61,7 @@ def padded(column: Any, shape: Sequence[int | None], fill: float, name: str) -> 
     return made
 
 
-def opened(lists: Any, name: str) -> tuple[NDArray[np.int64], Any]:
+def _opened(lists: Any, name: str) -> tuple[NDArray[np.int64], Any]:
     """Offsets of lists, from 0, and what is in them."""
     if lists.null_count:
         raise input_error(name, "no nulls", f"{lists.null_count} of {len(lists)}")

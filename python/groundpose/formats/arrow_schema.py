@@ -1,9 +1,9 @@
 """Schemas of Arrow tables: frames that are to be estimated, and poses.
 
-Both are kept stable: the number of `VERSION` stands in a schema's metadata under `VERSION_KEY` and grows when a
-reader of the former version could not read the new one; columns may be added at the end. Each column's unit and
-shape stand in its own metadata. Lists are plain lists, which every engine knows. A number that there is not is
-NaN, as in `PoseBatch`; null is what a row does not have. The columns of a pose are the fields of `PoseBatch`.
+Both are kept stable: the number of `VERSION` stands in a schema's metadata under `VERSION_KEY` and grows when
+a reader of the former version could not read the new one. Each column's unit and shape stand in its own
+metadata. Lists are plain lists, which every engine knows. A number that there is not is NaN, as in
+`PoseBatch`; null is what a row does not have. The columns of a pose are the fields of `PoseBatch`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from groundpose.types import Camera
 FRAMES, POSES = "frames", "poses"
 VERSION = "1"
 SCHEMA_KEY, VERSION_KEY, FRAME_KEY = b"groundpose.schema", b"groundpose.version", b"groundpose.frame"
-"""Of a schema's metadata; the last is a frame's own part of a table that `PoseBatch.to_arrow` gives."""
+"""Of a schema's metadata; the last is the frame's own part of a table of `PoseBatch.to_arrow`."""
 
 Shape = tuple[int | str, ...]
 _RESULT_TYPES = {
@@ -169,8 +169,8 @@ def _object_members() -> list[Any]:
 
 
 def checked(table: Any, name: str, place: str) -> Any:
-    """A table (or record batch) as one of the schema: its columns in order and of its types, those that may be
-    missing added as nulls, others left out.
+    """A table as one of the schema: its columns in order and of its types, those that may be missing added as
+    nulls, others left out.
 
     Raises InputError naming `place`: another schema or version, a column that is missing or of another type.
     """
