@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import groundpose
 from groundpose._checks import input_error
+from groundpose._core import build_info
 from groundpose._writing import LOCK, whole_path, write_text
 from groundpose.fleet.worker import FRAMES_AT_ONCE, EstimateFrames
 from groundpose.formats.arrow_poses import BAD_FRAME, NO_OBJECTS
@@ -111,7 +111,7 @@ def claim(out: Path, source: Path, estimate: EstimateFrames) -> None:
     inside = os.path.realpath(source), os.path.realpath(out)
     if source.is_dir() and os.path.commonpath(inside) in inside:
         raise input_error(str(out), f"a folder apart from {source}", "one in it or around it")
-    settings = {"groundpose": groundpose.__version__, "input": source.name, **estimate.settings()}
+    settings = {"groundpose": build_info()["version"], "input": source.name, **estimate.settings()}
     manifest = out / MANIFEST
     if manifest.exists():
         stored = _stored(manifest)
@@ -135,7 +135,7 @@ def _stored(manifest: Path) -> dict[str, Any]:
     return stored
 
 
-def estimate_part(estimate: EstimateFrames, part: Part, ended: Callable[[], bool] = lambda: False) -> None:
+def estimate_part(estimate: EstimateFrames, part: Part) -> None:
     """Write the output of a part, whole or not at all; memory holds a few thousand rows.
 
     Raises InputError, OSError.
