@@ -364,11 +364,11 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     @classmethod
     def from_arrow(cls, table: Any) -> Self:
         """The batch of what `to_arrow`, `to_pandas` or `to_records` gave, or of the rows of one frame of a
-        larger table, bit for bit. Ids of objects are texts, and `VehiclePoses` lose the seconds that they took.
+        larger table, bit for bit. Ids of objects are texts, and `VehiclePoses` lose their seconds.
 
         Raises:
-            InputError: a schema of another version, columns or values that are missing, rows of several frames,
-                a frame that could not be estimated; no row, and not the metadata of `to_arrow`.
+            InputError: a schema of another version, missing columns or values, rows of several frames, a frame
+                 that could not be estimated; no row, and not the metadata of `to_arrow`.
             TypeError: something else.
         """
         from groundpose.formats.arrow_poses import from_arrow  # stands above this file

@@ -44,5 +44,3 @@ def same_rows(a: Any, b: Any) -> bool:
     """Bit for bit, NaN like NaN."""
     plain = [table.combine_chunks().replace_schema_metadata(None) for table in (a, b)]
     return repr(plain[0].to_pylist()) == repr(plain[1].to_pylist())
-
-

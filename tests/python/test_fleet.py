@@ -12,10 +12,10 @@ from pathlib import Path
 import groundpose as gp
 import numpy as np
 import pytest
-from test_cli import one_line, run
 from fleet_frames import all_rows, keypoint_frame, same_rows, write_frames
 from groundpose.demo.street import IMAGE, example
 from groundpose.fleet import EstimateFrames
+from test_cli import one_line, run
 
 pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
 from groundpose.fleet import parts as fleet_parts  # noqa: E402
@@ -52,7 +52,16 @@ def test_rows_are_those_of_the_library():
     for k, frame in enumerate(given):
         poses = gp.estimate_poses(**frame.arguments, threads=1)
         again = gp.PoseBatch.from_arrow(made.slice(3 * k, 3))
-        for name in ("R", "t", "covariance", "residuals", "shape_covariance", "status", "inlier_mask", "size"):
+        for name in (
+            "R",
+            "t",
+            "covariance",
+            "residuals",
+            "shape_covariance",
+            "status",
+            "inlier_mask",
+            "size",
+        ):
             np.testing.assert_array_equal(getattr(again, name), getattr(poses, name), err_msg=name)
     assert made.column("frame").to_pylist() == [f"{k:06d}" for k in range(3) for _ in range(3)]
     assert made.column("object").to_pylist() == ["0", "1", "2"] * 3
@@ -96,7 +105,14 @@ def test_bad_frames_are_rows_that_say_why():
     made = EstimateFrames()(edited(frames(7), objects=broken))
     assert made.column("status").to_pylist()[:6] == ["bad_frame"] * 6
     said = made.column("message").to_pylist()[:6]
-    wanted = ("keypoints as in the model", "got null", "lorry", "4 numbers", "all objects or of none", "(P, 2)")
+    wanted = (
+        "keypoints as in the model",
+        "got null",
+        "lorry",
+        "4 numbers",
+        "all objects or of none",
+        "(P, 2)",
+    )
     assert all(word in line for word, line in zip(wanted, said, strict=True)), said
     assert same_rows(made.slice(6), good.slice(18))
     with pytest.raises(gp.InputError, match="expected a frame that was estimated, got a bad one"):
@@ -108,7 +124,9 @@ def test_nulls_where_there_must_be_a_value():
     assert made.column("message").to_pylist()[0] == "camera: expected a camera, got null"
     made = EstimateFrames()(edited(frames(2), objects=lambda k, value: value if k else None))
     assert made.column("message").to_pylist()[0] == "objects: expected boxes, or a detector, got null"
-    seen = edited(frames(1), objects=lambda k, v: [{**o, "keypoints_2d": [*o["keypoints_2d"][:-1], None]} for o in v])
+    seen = edited(
+        frames(1), objects=lambda k, v: [{**o, "keypoints_2d": [*o["keypoints_2d"][:-1], None]} for o in v]
+    )
     assert EstimateFrames()(seen).column("status").to_pylist() == ["ok"] * 3
 
 
@@ -202,7 +220,17 @@ def test_two_processes_give_the_same_rows_and_go_on_with_what_is_missing(source,
 
 def test_a_killed_run_goes_on(source, alone, tmp_path):
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "groundpose.cli", "fleet", "estimate", str(source), str(out), "--workers", "1"]
+    command = [
+        sys.executable,
+        "-m",
+        "groundpose.cli",
+        "fleet",
+        "estimate",
+        str(source),
+        str(out),
+        "--workers",
+        "1",
+    ]
     running = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     end = time.monotonic() + 60
     while not list(out.rglob("*.parquet")) and time.monotonic() < end:
@@ -285,7 +313,10 @@ def test_a_dry_run_says_what_there_is_to_do(source, tmp_path):
     assert "4 parts, of which 0 are done" in said.output
     assert "12 frames to estimate" in said.output
     assert not (tmp_path / "out").exists()
-    assert plan(EstimateFrames(), source, source.parent / "alone").frames == 0 or not (source.parent / "alone").exists()
+    assert (
+        plan(EstimateFrames(), source, source.parent / "alone").frames == 0
+        or not (source.parent / "alone").exists()
+    )
 
 
 def test_an_input_that_has_changed_is_done_again(tmp_path):

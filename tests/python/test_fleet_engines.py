@@ -77,11 +77,18 @@ def test_daft_maps_it(table):
     @daft.func.batch(return_dtype=daft.DataType.from_arrow_type(rows))
     def poses(*columns):
         names = table.schema.names
-        given = pa.table({name: c.to_arrow().cast(table.schema.field(name).type) for name, c in zip(names, columns, strict=True)})
+        given = pa.table(
+            {
+                name: c.to_arrow().cast(table.schema.field(name).type)
+                for name, c in zip(names, columns, strict=True)
+            }
+        )
         return daft.Series.from_arrow(estimate.nested(given))
 
     frames = daft.from_arrow(table)
-    made = frames.select(frames["frame"], poses(*[frames[name] for name in table.schema.names]).alias("poses"))
+    made = frames.select(
+        frames["frame"], poses(*[frames[name] for name in table.schema.names]).alias("poses")
+    )
     found = made.explode("poses").to_arrow()
     expected = estimate(table)
     assert found.column("frame").to_pylist() == expected.column("frame").to_pylist()

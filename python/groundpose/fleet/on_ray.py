@@ -24,7 +24,7 @@ def package() -> Any:
 
 
 def on_ray(local: bool) -> Callable[[EstimateFrames, list[Part], int], Iterator[Outcome]]:
-    """Actors of a cluster of their own (`local`), or of the one that is running, whose machines must share the
+    """Actors of a cluster of their own (`local`), or of the one that is running: its machines share the
     folders."""
     return partial(_on_ray, local)
 

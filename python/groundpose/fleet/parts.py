@@ -106,7 +106,7 @@ def claim(out: Path, source: Path, estimate: EstimateFrames) -> None:
     """Make the folder of the output that of these settings.
 
     Raises:
-        InputError: it holds the input, lies in it, holds something else or the poses of other settings. OSError.
+        InputError: it holds the input, lies in it, holds something else or poses of other settings. OSError.
     """
     inside = os.path.realpath(source), os.path.realpath(out)
     if source.is_dir() and os.path.commonpath(inside) in inside:

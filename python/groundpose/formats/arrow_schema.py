@@ -20,7 +20,7 @@ from groundpose.types import Camera
 FRAMES, POSES = "frames", "poses"
 VERSION = "1"
 SCHEMA_KEY, VERSION_KEY, FRAME_KEY = b"groundpose.schema", b"groundpose.version", b"groundpose.frame"
-"""Of a schema's metadata; the last is the frame's own part of a table of `PoseBatch.to_arrow`."""
+"""Of a schema's metadata; the last is of the frame, in a table of `PoseBatch.to_arrow`."""
 
 Shape = tuple[int | str, ...]
 _RESULT_TYPES = {
@@ -37,7 +37,7 @@ _RESULT_TYPES = {
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name, Arrow's type of a number of it, its shape for one row, its unit, and a word on it."""
+    """A column: its name, Arrow's type of one number, its shape for one row, its unit, and a word on it."""
 
     name: str
     type: str

@@ -1,4 +1,4 @@
-"""Tables of frames for the measurements of fleets: cars with keypoints, and pictures of the bundled street."""
+"""Tables of frames for the measurements of fleets: cars with keypoints, pictures of the bundled street."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from groundpose._checks import FloatArray
 from groundpose.demo.street import IMAGE, example
-
 from groundpose.formats.arrow_lists import nested
 from groundpose.formats.arrow_schema import FRAMES, arrow_type, schema_of
 from groundpose.formats.arrow_values import camera_value, model_text
@@ -78,7 +77,7 @@ def picture_frames(frames: int) -> Any:
     """A table of the bundled street, with its bytes, so many times."""
     street, data = example(), IMAGE.read_bytes()
     boxes = [{"object": str(k), "bbox": box} for k, box in enumerate(street.bboxes.tolist())]
-    row = {"image_bytes": data, "camera": camera_value(street.view.camera), "objects": boxes}
+    row: dict[str, Any] = {"image_bytes": data, "camera": camera_value(street.view.camera), "objects": boxes}
     row |= {"pitch": street.view.pitch, "roll": street.view.roll}
     rows = [{"frame": str(k), **row} for k in range(frames)]
     return package().Table.from_pylist(rows, schema=schema_of(FRAMES))

@@ -1,4 +1,4 @@
-"""Kills a fleet's workers and its driver: `python -m groundpose.lab.evaluate.fleets` writes results/fleets.json.
+"""Kills a fleet's workers and drivers: `python -m groundpose.lab.evaluate.fleets`, results/fleets.json.
 
 Frames of cars with keypoints are estimated by one process, by two workers, and by two workers of whose runs
 three lose a worker and then their driver; the same command then goes on. What the three made must be the same
@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -152,7 +153,11 @@ def objects(count: int, workers: int, ray: str, seed: int) -> dict[str, Any]:
             "input_bytes_per_frame": sum(p.size for p in parts) / counts["frames"],
             "output_bytes_per_object": sum(p.target.stat().st_size for p in parts) / counts["objects"],
             "one_process": {"seconds": seconds, "megabytes": single.memory},
-            "workers": {"seconds": seconds_of_two, "worker_megabytes": several.memory, **compared(alone, two)},
+            "workers": {
+                "seconds": seconds_of_two,
+                "worker_megabytes": several.memory,
+                **compared(alone, two),
+            },
             "killed": {**after, **compared(alone, cut)},
         }
     return found
@@ -160,19 +165,21 @@ def objects(count: int, workers: int, ray: str, seed: int) -> dict[str, Any]:
 
 def pictures(count: int) -> dict[str, Any]:
     """Frames per second of a worker and of the pipeline alone, in turns: the loops see the same machine."""
-    table, street = picture_frames(40), example()
+    table, street = picture_frames(20), example()
     estimate, pipeline = EstimateFrames(), Pipeline(threads=1)
     estimate(table.slice(0, 1))
     data = IMAGE.read_bytes()
-    spent = {"worker": 0.0, "pipeline": 0.0}
+    jobs: dict[str, Callable[[], Any]] = {
+        "worker": lambda: estimate(table),
+        "pipeline": lambda: [pipeline(data, street.bboxes, street.view) for _ in range(len(table))],
+    }
+    spent = dict.fromkeys(jobs, 0.0)
     for _ in range(-(-count // len(table))):
-        begun = time.process_time()
-        estimate(table)
-        spent["worker"] += time.process_time() - begun
-        begun = time.process_time()
-        for _ in range(len(table)):
-            pipeline(data, street.bboxes, street.view)
-        spent["pipeline"] += time.process_time() - begun
+        for name, job in jobs.items():
+            begun = time.process_time()
+            job()
+            spent[name] += time.process_time() - begun
+        jobs = dict(reversed(jobs.items()))
     done = -(-count // len(table)) * len(table)
     rates = {f"{name}_frames_per_second": done / seconds for name, seconds in spent.items()}
     ratio = spent["pipeline"] / spent["worker"]
@@ -205,7 +212,9 @@ def main() -> None:
         found["pictures"] = pictures(given.pictures)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     report.write_json(given.out, found)
-    print(f"{name}: {found[name]['objects']} objects, {found[name]['killed']['different_parts']} parts differ")
+    print(
+        f"{name}: {found[name]['objects']} objects, {found[name]['killed']['different_parts']} parts differ"
+    )
 
 
 if __name__ == "__main__":
