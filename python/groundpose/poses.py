@@ -367,8 +367,8 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         larger table, bit for bit. Ids of objects are texts, and `VehiclePoses` lose their seconds.
 
         Raises:
-            InputError: a schema of another version, missing columns or values, rows of several frames, a frame
-                 that could not be estimated; no row, and not the metadata of `to_arrow`.
+            InputError: a schema of another version, missing columns or values, rows of several frames,
+                a frame that could not be estimated; no row, and not the metadata of `to_arrow`.
             TypeError: something else.
         """
         from groundpose.formats.arrow_poses import from_arrow  # stands above this file
