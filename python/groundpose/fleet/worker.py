@@ -111,12 +111,20 @@ class EstimateFrames:
                 said[name] += f" of {found.st_size} bytes, {found.st_mtime_ns}"
         return said
 
+    def load(self) -> None:
+        """Load network and detector, unless this process has them. Raises OSError, InputError."""
+        _ = self._pipeline
+        if self.detector is not None:
+            _detector(self.detector, self.threads, self.detector_score)
+
     def _answers(self, table: Any) -> list[Answer]:
         return [self._answer(row) for row in frame_rows(table)]
 
     def _answer(self, row: FrameRow | BadRow) -> Answer:
         if isinstance(row, BadRow):
             return Answer(row.frame, None, row.message, row.time, row.image)
+        if row.needs_picture:
+            self.load()  # whose errors are no frame's
         try:
             with blamed(f"frame {row.frame}"):
                 poses = self.poses(row)
