@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from groundpose._checks import blamed, radians
+from groundpose._checks import blamed, input_error, radians
 from groundpose._core import InputError
 from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
@@ -215,6 +215,8 @@ def estimate(
         form = form or ("table" if out is None and standard_output().isatty() else "")
         pitch, roll = _radians("--pitch-deg", pitch_deg, 90.0), _radians("--roll-deg", roll_deg, 180.0)
         sigma = _radians("--frame-tilt-sigma-deg", frame_tilt_sigma_deg, 360.0)
+        if sigma is not None and sigma <= 0.0:
+            raise input_error("frame_tilt_sigma", "a positive number of degrees", f"{frame_tilt_sigma_deg:g}")
         frame = _frame(height, region, learn_camera)
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
         mounting = Mounting(pitch, roll, height, sigma, frame, learned)
