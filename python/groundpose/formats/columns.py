@@ -6,7 +6,8 @@ has the same origin, y along the ground's normal and z forward on the ground. `x
 `heading` is the direction in which the object faces, in the camera's x-z plane; `ground_heading` is that on
 the ground: 0 is away from the camera, pi / 2 to the right. `qw, qx, qy, qz` is the rotation from the object
 to the camera frame. The corners of the 3D box are in the camera frame, in the order of `CORNERS`. Each
-`_sigma` is a standard deviation. An object without an answer has its 2D box and its status.
+`_sigma` is a standard deviation. `time` is in seconds since a video's first frame. An object without an
+answer has its 2D box and its status.
 """
 
 from __future__ import annotations
