@@ -85,9 +85,7 @@ CASES = {
 }
 
 
-def run(
-    case: Case, times: int, rng: random.Random, tell: Callable[[str], None] = lambda text: None
-) -> dict[str, Any]:
+def run(case: Case, times: int, rng: random.Random) -> dict[str, Any]:
     """Interrupt a command so often in the current folder; what was found."""
     case.make()
     Path(case.out).mkdir()
@@ -103,7 +101,6 @@ def run(
         found["finished" if finished else "ended_early"] += 1
         found["left_processes"] += left
         found["half_files"] += [f"{sent.name}: {line}" for line in halves(Path(case.out))]
-        tell(f"{number + 1} of {times}")
     _undisturbed(case)
     found["half_files"] += [f"at the end: {line}" for line in halves(Path(case.out))]
     found["left_notes"] = sorted(name for name in _names(Path(case.out)) if _is_note(name))
