@@ -89,6 +89,16 @@ class KittiTable:
             frame_id, projection, size, None, labels, detections if self.with_detections else None
         )
 
+    def vehicles(self, frame_id: str) -> list[int]:
+        """Numbers of a frame's vehicles, in the order of its labels; the same in all frames of a sequence."""
+        track = self._column("track")
+        return [int(track[row]) for row in self._frames[frame_id]]
+
+    def detections(self, frame_id: str) -> list[KittiLabel | None]:
+        """The detection of each label of a frame; None: it was not found."""
+        found = self._column("det_score")
+        return [self._detection(row) if np.isfinite(found[row]) else None for row in self._frames[frame_id]]
+
     def _values(self, row: int, names: str) -> list[float]:
         return [float(self._column(name)[row]) for name in names.split()]
 
