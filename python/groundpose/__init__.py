@@ -21,6 +21,7 @@ from groundpose.options import Options
 from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
 from groundpose.sizes import ClassSize, SizePrior
+from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
 from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
@@ -52,8 +53,12 @@ __all__ = [
     "Pipeline",
     "Pose",
     "PoseBatch",
+    "SeenVehicles",
     "ShapeModel",
     "SizePrior",
+    "TrackOptions",
+    "Tracker",
+    "Tracks",
     "VehiclePoses",
     "View",
     "__version__",

@@ -14,7 +14,7 @@ PACKAGE = Path(groundpose.__file__).parent
 ROOMS = (
     *("_core", "_checks", "_npz", "_writing", "_value", "lens", "calibration", "options", "types"),
     *("plausibility", "shape"),
-    *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road"),
+    *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road", "tracking"),
     *("draw", "formats", "estimate", "keypoints", "detector", "", "demo", "cli"),
     *(
         "lab",

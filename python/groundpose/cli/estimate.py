@@ -221,7 +221,7 @@ def estimate(
         read = Inputs(source, tuple(path for path in (boxes, detector, calib, network, learn_camera) if path))
         job = _Job(options, threads, mounting, out, form, draw, strict, read, said)
         meant = _meant(classes or [])
-        if boxes is not None or is_image(source):
+        if boxes is not None or detector is not None or is_image(source):
             seen_by = CameraChoice(calib, camera, fov_deg)
             found_by = BoxChoice(boxes, detector, detector_score)
             status = job.images(
@@ -229,7 +229,6 @@ def estimate(
             )
         else:
             for_images = {
-                "detector": detector,
                 "detector-score": detector_score,
                 "calib": calib,
                 "camera": camera,

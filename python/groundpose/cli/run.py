@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Container, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -145,8 +146,13 @@ class Tally:
     def line(self, noun: str, place: object) -> str:
         """The run in a line: `9 images, 46 vehicles, 45 poses, results/poses.jsonl, 0.9 s`."""
         counts = ((self.items, noun), (self.vehicles, "vehicles"), (self.poses, "poses"))
-        parts = [f"{count} {word if count != 1 else word.removesuffix('s')}" for count, word in counts]
+        parts = [counted(count, word) for count, word in counts]
         return ", ".join([*parts, str(place), f"{time.monotonic() - self.begun:.1f} s"])
+
+
+def counted(count: int, noun: str) -> str:
+    """`9 images`, `1 image`."""
+    return f"{count} {noun if count != 1 else noun.removesuffix('s')}"
 
 
 def run(work: Work, output: Output, pictures: Pictures | None, strict: bool = False) -> int:
@@ -169,6 +175,10 @@ def run(work: Work, output: Output, pictures: Pictures | None, strict: bool = Fa
         # The reader has enough. Keep Python from complaining when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:  # a full disk, say
+        with suppress(OSError):
+            error.strerror = f"{error.strerror or error}{output.interrupted()}"
+        raise
     finally:
         output.close()
     return _report(work, output, tally, strict)
@@ -184,7 +194,8 @@ def _go_on(work: Work, output: Output, tally: Tally) -> None:
     if journal.done:
         work.finished = journal.done
         tally.items, tally.vehicles, tally.poses = journal.items, journal.vehicles, journal.poses
-        say(f"{output.place}: going on: {journal.items} {work.noun} are finished")
+        verb = "is" if journal.items == 1 else "are"
+        say(f"{output.place}: going on: {counted(journal.items, work.noun)} {verb} finished")
 
 
 def _keep(

@@ -54,7 +54,9 @@ class OnnxFile:
         if wanted is not None:
             options.intra_op_num_threads = wanted
         try:
-            self._session = ort.InferenceSession(str(self.path), options, providers=["CPUExecutionProvider"])
+            self._session = ort.InferenceSession(  # without a second try, which it would print
+                str(self.path), options, providers=["CPUExecutionProvider"], enable_fallback=0
+            )
             self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
         except Exception as error:  # onnxruntime has its own class for each of a dozen kinds of damage
             self.fail("an ONNX network", _first_line(error))

@@ -89,7 +89,7 @@ def _open_folder(out: Path, settings: Settings) -> None:
         found = {"rig": DEFAULT_RIG, **(found if isinstance(found, dict) else {})}
         for key, wanted in json.loads(json.dumps(asdict(settings))).items():
             if found.get(key) != wanted:
-                expected = f"{key} {found.get(key)!r}, with which the folder was begun"
+                expected = f"{key} {repr(found.get(key))[:100]}, with which the folder was begun"
                 raise input_error(str(out), expected, f"{wanted!r}; give another folder")
         return
     if any(path.name != LOCK for path in out.iterdir()):
