@@ -21,6 +21,15 @@ pub(crate) const COLLAPSED: f64 = 0.1;
 /// Sides of a 2D box this close to the image border, pixels, are cut by it. Chosen by hand.
 pub(crate) const BORDER_PX: f64 = 1.5;
 
+// Wide lenses.
+
+/// Directions further than 80 degrees from the middle of their object (cosine) count as not seen: a pinhole that faces the
+/// object draws them out of all proportion. Chosen by hand.
+pub(crate) const NARROWEST_RAY: f64 = 0.17;
+/// The sides of a 2D box are as good as they get when the pose moves none of them by more than this, in standard deviations
+/// of a side or inlier thresholds, whichever are smaller. Chosen by hand.
+pub(crate) const SIDES_SETTLED: f64 = 0.1;
+
 // The search.
 
 /// Corners of the 3D box may lie outside the planes of the box sides by this fraction of the keypoint's distance: 3 %
@@ -144,6 +153,8 @@ pub(crate) const LEAST_MISFIT: f64 = 0.002;
 /// Limits of mean score, ambiguity, log10 of false alarms, logit of a vehicle.
 pub(crate) const SCORE_LIMITS: [f64; 2] = [0.001, 0.999];
 pub(crate) const AMBIGUITY_LIMITS: [f64; 2] = [0.001, 0.999];
+/// The same of what viewing angles say, wider: a line through the logits needs them.
+pub(crate) const NETWORK_AMBIGUITY_LIMITS: [f64; 2] = [0.0001, 0.9999];
 pub(crate) const FALSE_ALARM_LIMITS: [f64; 2] = [-40.0, 10.0];
 pub(crate) const VEHICLE_LOGIT_LIMIT: f64 = 7.0;
 /// For keypoints of the caller, without scores and with them: bias, score level, misfit, noise, false alarms, vehicle (of

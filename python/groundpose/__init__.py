@@ -21,9 +21,11 @@ from groundpose.options import Options
 from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
 from groundpose.sizes import ClassSize, SizePrior
+from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
 from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
+    from groundpose.detector.detector import Detector
     from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
 
@@ -31,6 +33,7 @@ __version__: str = build_info()["version"]
 
 # What needs onnxruntime and the vehicles' models is imported when it is first asked for.
 _LAZY = {
+    "Detector": "groundpose.detector.detector",
     "Network": "groundpose.keypoints.network",
     "Pipeline": "groundpose.keypoints.pipeline",
     "VehiclePoses": "groundpose.keypoints.pipeline",
@@ -41,6 +44,7 @@ __all__ = [
     "Camera",
     "CameraState",
     "ClassSize",
+    "Detector",
     "EstimatedView",
     "FramePriors",
     "InputError",
@@ -49,8 +53,12 @@ __all__ = [
     "Pipeline",
     "Pose",
     "PoseBatch",
+    "SeenVehicles",
     "ShapeModel",
     "SizePrior",
+    "TrackOptions",
+    "Tracker",
+    "Tracks",
     "VehiclePoses",
     "View",
     "__version__",

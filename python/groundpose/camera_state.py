@@ -6,13 +6,14 @@ import json
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from groundpose import _core
-from groundpose._checks import FloatArray, input_error, type_error
+from groundpose._checks import FloatArray, input_error, read_text, type_error
+from groundpose._core import InputError
+from groundpose._writing import write_text
 from groundpose.frame import FramePriors, remarks
 from groundpose.sizes import ClassSize, SizePrior
 from groundpose.types import Camera, View
@@ -132,13 +133,13 @@ class CameraState:
             "mean": self._mean.tolist(),
             "covariance": self._covariance.tolist(),
         }
-        Path(path).write_text(json.dumps(content), encoding="utf-8")
+        write_text(path, json.dumps(content))
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> CameraState:
         """Read what `save` wrote. Raises OSError (no such file) or InputError (something else)."""
         try:
-            content = json.loads(Path(path).read_text(encoding="utf-8"))
+            content = json.loads(read_text(path))
             if content["version"] != _VERSION:
                 raise input_error(str(path), f"version {_VERSION}", content["version"])
             state = cls(_stored_view(content), _stored_priors(content))
@@ -149,9 +150,9 @@ class CameraState:
                     state.view._handle, *state.priors.numbers(state.names), state.carried(state.names), False
                 )
             )
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             if isinstance(error, _core.InputError):
-                raise
+                raise InputError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
             raise input_error(str(path), "what CameraState.save writes", "something else") from None
         return state
 

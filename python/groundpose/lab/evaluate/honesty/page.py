@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import write_text
 from groundpose.lab.evaluate.honesty import figures
 from groundpose.lab.evaluate.honesty.numbers import ALLOWED, CLEAR
 from groundpose.lab.evaluate.honesty.sources import ALL_RENDERS, MANY_LOOKS, RENDERS
@@ -29,10 +32,10 @@ def write_page(root: Path, found: dict[str, Any]) -> Path | None:
     when there is no page."""
     path, readme = root / PAGE, root / README
     if readme.exists():
-        readme.write_text(with_sentence(readme.read_text("utf-8"), found), "utf-8")
+        write_text(readme, with_sentence(readme.read_text("utf-8"), found))
     if not path.exists():
         return None
-    path.write_text(between(path.read_text("utf-8"), MARKS, f"\n{tables(found)}\n"), "utf-8")
+    write_text(path, between(path.read_text("utf-8"), MARKS, f"\n{tables(found)}\n"))
     figures.draw(root, found.get("trained", {}))
     return path
 
@@ -143,15 +146,23 @@ def _certainty(trained: dict[str, Any]) -> list[dict[str, Any]]:
     lines = []
     for name, one in trained.items():
         own = one["certainty"]
-        coefficients = ", ".join(f"{c:.3g}" for c in own["probability_coefficients"])
         lines.append({
             "network": name,
             "error factor": own["error_factor"],
             "degrees of freedom": own["error_dof"],
-            "coefficients: bias, score, misfit, noise, false alarms, vehicle, ambiguity": coefficients,
+            "shift, % of the box": 100.0 * own["error_shift"],
+            "turn, deg": math.degrees(own["error_turn"]),
+            "ambiguity: bias, slope": _numbers(own["ambiguity_coefficients"] or (0.0, 1.0)),
+            "coefficients: bias, score, misfit, noise, false alarms, vehicle, ambiguity": _numbers(
+                own["probability_coefficients"]
+            ),
             "least probability": own["min_probability"],
         })  # fmt: skip
     return lines
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)
 
 
 def _coverage(trained: dict[str, Any]) -> list[dict[str, Any]]:

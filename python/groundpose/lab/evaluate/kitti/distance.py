@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import groundpose as gp
+from groundpose._writing import write_text
 from groundpose.formats.kitti.dataset import KittiFrame, KittiFrames, KittiSet, difficulty
 from groundpose.formats.kitti.labels import KittiLabel
 from groundpose.formats.kitti.table import KittiTable
@@ -233,5 +234,5 @@ def write_page(content: dict[str, Any], path: Path) -> Path:
         shown = [{column: row[column] for column in columns} for row in rows]
         parts += [f"### {_TITLES[name]}", report.table(shown)]
     new = "\n\n".join([*parts, ""])
-    path.write_text(report.between(path.read_text(encoding="utf-8"), MARKS, new), encoding="utf-8")
+    write_text(path, report.between(path.read_text(encoding="utf-8"), MARKS, new))
     return path
