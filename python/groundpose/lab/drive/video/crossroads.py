@@ -68,7 +68,8 @@ def to_line(mover: Mover) -> float | None:
 def _green(mover: Mover, time: float) -> bool:
     """Whether a vehicle may enter now."""
     assert mover.path.junction is not None
-    (s0, d0), (s1, d1) = mover.path.at(mover.path.road, np.array(mover.path.junction[0]) + [-1.0, 0.0])
+    entry = mover.path.junction[0]
+    (s0, d0), (s1, d1) = mover.path.at(mover.path.road, np.array([entry - 1.0, entry]))
     now = time % (_ROAD + _STREET + 2.0 * _CLEAR)
     if abs(d1 - d0) > abs(s1 - s0):
         now -= _ROAD + _CLEAR

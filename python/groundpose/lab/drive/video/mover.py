@@ -174,7 +174,7 @@ class Mover:
         wanted = min(wanted, (allowed - self.v) / _LOOK)
         self.a = max(min(wanted, self.driver.acceleration), -HARDEST, -self.v / h)
 
-    def advance(self, h: float, steps: int = 2) -> None:
+    def advance(self, h: float, steps: int = 4) -> None:
         """Move for h seconds."""
         for _ in range(steps):
             self.p += max(self.v * h / steps + 0.5 * self.a * (h / steps) ** 2, 0.0)
