@@ -114,7 +114,8 @@ class Mover:
     heading: float = 0.0
     a: float = 0.0
     granted: bool = False
-    waits: bool = False
+    leaves: float | None = None
+    """When it leaves its parking place, seconds; None: it is on its way."""
     changed: float = -math.inf
     """Time of the last change of lanes, seconds."""
     road: tuple[float, float] = (0.0, 0.0)
@@ -153,7 +154,9 @@ class Mover:
     @property
     def parked(self) -> bool:
         """Whether it waits in a parking place or has stopped for good."""
-        return self.waits or (self.path.stops and self.v < _STILL and self.p > self.path.length - 1.0)
+        return self.leaves is not None or (
+            self.path.stops and self.v < _STILL and self.p > self.path.length - 1.0
+        )
 
     @property
     def state(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,11 +23,11 @@ AHEAD, BEHIND = 215.0, 58.0
 _GONE = 15.0  # beyond these a vehicle is taken away, metres
 _TURN_RIGHT, _TURN_LEFT = 0.25, 0.2  # of the vehicles of the outermost and innermost lane before a junction
 _PULL_IN = 0.12  # of the vehicles of a lane beside a row of parking places along the road
-_PULL_OUT = 1 / 12  # vehicles per second that leave a parking place
+_PULL_OUT, _LEAVE = 1 / 70, 45.0  # vehicles per metre that leave a parking place, within so many seconds
 _CROSSING = 1 / 14  # vehicles per second and direction of the crossing street
 _LEAST_LANE = 0.3  # metres kept free in a lane beside a vehicle
 _RADIUS_RIGHT, _RADIUS_LEFT = 6.5, 8.0
-_WAY_IN = 17.0  # length of the way into a parking place, metres
+_WAY_IN, _ALONG_KERB = 14.0, 6.0  # lengths of the way into a parking place and along the kerb, metres
 _CHANGE_SECONDS, _CHANGE_AGAIN, _LEAST_CHANGE = 4.0, 10.0, 25.0
 _LONGEST_TURNING, _LONGEST_PARKING = 8.0, 6.5  # vehicles that turn and park, metres
 _HURRY = 1.5  # m/s that a driver wants to be faster to change lanes
@@ -76,6 +76,11 @@ class Street:
                 if chassis is None or self._in_junction(place):
                     continue
                 self._enter(flow, chassis, place, 0.9 * lane.speed)
+
+        for row in self.road.layout.parking:
+            if row.angle == 0.0 and any(lane.direction == row.side for lane in self.road.layout.lanes):
+                for _ in range(int(self.rng.poisson(_PULL_OUT * (self._front - self._rear)))):
+                    self._wait_to_leave(row, float(self.rng.uniform(self._rear + 20.0, self._front - 30.0)))
 
     def place_ego(self, lane: Lane, chassis: Chassis, speed: float) -> None:
         """The camera's car, in the middle of its lane at s = 0, with the speed of that lane."""
@@ -180,21 +185,22 @@ class Street:
         return row.side * (self.road.layout.edge(row.side) - 0.3 - 0.5 * width)
 
     def _pull_in(self, lane: Lane, s: float, place: float, row: Parking, width: float) -> Path:
-        begin = place - lane.direction * _WAY_IN
+        begin = place - lane.direction * (_WAY_IN + _ALONG_KERB)
         way = shifted((begin, lane.d), self._kerb(row, width), _WAY_IN, place)
         return Path.along(self.road, np.concatenate([[[s, lane.d]], way]), stops=True)
 
-    def pull_out(self, track: int, chassis: Chassis, s: float, row: Parking) -> None:
-        """A vehicle that was parked at s begins to wait for a gap, to drive into the lane beside."""
-        lane = max(
-            (lane for lane in self.road.layout.lanes if lane.direction == row.side), key=lambda o: abs(o.d)
-        )
+    def _wait_to_leave(self, row: Parking, s: float) -> None:
+        """A vehicle that is parked at s and will drive into the lane beside when there is a gap."""
+        chassis = self._chassis(2.3, _LONGEST_PARKING)
+        if chassis is None or self._in_junction(s):
+            return
+        lanes = [lane for lane in self.road.layout.lanes if lane.direction == row.side]
+        lane = max(lanes, key=lambda o: abs(o.d))
         end = self.road.end - 1.0 if lane.direction > 0 else self.road.start + 1.0
-        at = s + lane.direction * chassis.front
-        points = shifted((at, self._kerb(row, chassis.width)), lane.d, 14.0, end)
-        path = Path.along(self.road, points)
+        path = Path.along(self.road, shifted((s, self._kerb(row, chassis.width)), lane.d, 14.0, end))
+        leaves = self.time + float(self.rng.uniform(0.0, _LEAVE))
         driver = Driver.draw(self.rng, lane.speed)
-        self.movers.append(Mover(track, chassis, driver, path, 0.0, 0.0, lane, waits=True))
+        self.movers.append(Mover(self.number(), chassis, driver, path, 0.0, 0.0, lane, leaves=leaves))
 
     # ---- what happens
 
@@ -205,8 +211,8 @@ class Street:
         if self.road.junction is not None:
             self.crossroads.update(movers, ahead, self.time)
         for mover, leader in zip(movers, ahead, strict=True):
-            if mover.waits and sight.room_beside(mover, self._d_of(mover), movers, 7.0, 9.0):
-                mover.waits = False
+            if self._may_leave(mover):
+                mover.leaves = None
             line = to_line(mover)
             if line is not None and (leader is None or line < leader[0]):
                 leader = (max(line, 0.0), 0.0)
@@ -221,10 +227,10 @@ class Street:
         self.movers = [m for m in movers if m is self.ego or self._stays(m)]
         self._arrivals(h)
 
-    @staticmethod
-    def _d_of(mover: Mover) -> float:
-        assert mover.lane is not None
-        return mover.lane.d
+    def _may_leave(self, mover: Mover) -> bool:
+        if mover.leaves is None or mover.lane is None or self.time < mover.leaves:
+            return False
+        return sight.room_beside(mover, mover.lane.d, self.movers, 7.0, 9.0)
 
     def _stays(self, mover: Mover) -> bool:
         s, _ = mover.road
@@ -292,7 +298,13 @@ class Street:
         """Change lanes where the leader is slow and the lane beside has room."""
         lane, (gap, speed) = mover.lane, leader
         hurries = mover.driver.speed > speed + _HURRY and gap < 25.0 + mover.v
-        if lane is None or not hurries or mover.waits or mover.path.kind != "moving" or mover.path.stops:
+        if (
+            lane is None
+            or not hurries
+            or mover.leaves is not None
+            or mover.path.kind != "moving"
+            or mover.path.stops
+        ):
             return
         if self.time - mover.changed < _CHANGE_AGAIN or mover.v < 4.0 or abs(mover.road[1] - lane.d) > 0.6:
             return
@@ -312,8 +324,3 @@ class Street:
     def _near_junction(self, lane: Lane, s: float, within: float) -> bool:
         junction = self.road.junction
         return junction is not None and -20.0 < lane.direction * (junction.s - s) < within
-
-
-def with_look(chassis: Chassis, look_seed: int, lamps: float) -> Chassis:
-    """The same with the look of a vehicle that was parked."""
-    return replace(chassis, look_seed=look_seed, lamps=lamps)
