@@ -144,6 +144,8 @@ pub(crate) const LEAST_MISFIT: f64 = 0.002;
 /// Limits of mean score, ambiguity, log10 of false alarms, logit of a vehicle.
 pub(crate) const SCORE_LIMITS: [f64; 2] = [0.001, 0.999];
 pub(crate) const AMBIGUITY_LIMITS: [f64; 2] = [0.001, 0.999];
+/// The same of what viewing angles say, wider: a line through the logits needs them.
+pub(crate) const NETWORK_AMBIGUITY_LIMITS: [f64; 2] = [0.0001, 0.9999];
 pub(crate) const FALSE_ALARM_LIMITS: [f64; 2] = [-40.0, 10.0];
 pub(crate) const VEHICLE_LOGIT_LIMIT: f64 = 7.0;
 /// For keypoints of the caller, without scores and with them: bias, score level, misfit, noise, false alarms, vehicle (of

@@ -155,6 +155,9 @@ fn options() {
         (with(|o| o.keypoint_error_factor = Some(0.9)), "keypoint_error_factor", "0.9"),
         (with(|o| o.keypoint_error_dof = Some(2.0)), "keypoint_error_dof", "2"),
         (with(|o| o.probability_coefficients = Some([NAN; 7])), "probability_coefficients", "NaN"),
+        (with(|o| o.keypoint_error_shift = Some(-0.1)), "keypoint_error_shift", "-0.1"),
+        (with(|o| o.keypoint_error_turn = Some(f64::INFINITY)), "keypoint_error_turn", "inf"),
+        (with(|o| o.ambiguity_coefficients = Some([0.0, f64::NAN])), "ambiguity_coefficients", "NaN"),
         (with(|o| o.min_probability = Some(1.1)), "min_probability", "1.1"),
     ]);
 }

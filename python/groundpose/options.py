@@ -58,8 +58,15 @@ class Options(Value):
             1, or the network's own in a `Pipeline`.
         keypoint_error_dof: degrees of freedom of Student's t of the errors of a pose, more than 2; few are
             heavy tails, see `PoseBatch.region`. None: infinite (Gaussian), or the network's own.
+        keypoint_error_shift: standard deviation of a shift in the image that all keypoints of an object
+            share, as a fraction of the longer side of its 2D box; it widens `covariance` across the ray.
+            None: 0, or the network's own.
+        keypoint_error_turn: the same for a turn about the ground's normal, radians. None: 0, or the network's
+            own.
         probability_coefficients: of the logistic model of `probability`: a bias and one for each number of
             `evidence`; None: those for keypoints of the caller, with scores or without, or the network's own.
+        ambiguity_coefficients: bias and slope of the logit of `ambiguity` against that of what the
+            viewing-angle probabilities say; None: 0 and 1, or the network's own.
         min_probability: answers less probable to be right get the status "improbable", as do poses that
             look far smaller than their boxes; 0: none does; None: the network's own, or for keypoints of
             the caller 0.15 in the default refinement and 0 in the paper's.
@@ -87,7 +94,10 @@ class Options(Value):
     max_log10_nfa: float = 1.0
     keypoint_error_factor: float | None = None
     keypoint_error_dof: float | None = None
+    keypoint_error_shift: float | None = None
+    keypoint_error_turn: float | None = None
     probability_coefficients: Sequence[float] | None = None
+    ambiguity_coefficients: tuple[float, float] | None = None
     min_probability: float | None = None
     score_weights: bool = True
     seed: int = 0
@@ -117,12 +127,8 @@ def _one_or_more(name: str, value: Any) -> float | tuple[float, ...]:
     return tuple(shaped(name, value, ("N",)).tolist())
 
 
-def _coefficients(name: str, value: Any) -> tuple[float, ...]:
-    return tuple(shaped(name, value, (1 + _core.EVIDENCE,)).tolist())
-
-
-def _three(name: str, value: Any) -> tuple[float, ...]:
-    return tuple(shaped(name, value, (3,)).tolist())
+def _just(numbers: int) -> _Check:
+    return lambda name, value: tuple(shaped(name, value, (numbers,)).tolist())
 
 
 # How a value of an annotated type is checked; names of choices are the core's to judge.
@@ -131,8 +137,9 @@ _CHECKS: dict[Any, _Check] = {
     int: count,
     bool: flag,
     str: text,
-    tuple[float, float, float]: _three,
-    Sequence[float]: _coefficients,
+    tuple[float, float]: _just(2),
+    tuple[float, float, float]: _just(3),
+    Sequence[float]: _just(1 + _core.EVIDENCE),
     float | Sequence[float]: _one_or_more,
 }
 

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix6, Vector3};
 
 use crate::estimate::object::Object;
+use crate::estimate::probability::logit;
 use crate::estimate::refine::RunnerUp;
 use crate::estimate::verify::Verified;
 use crate::geometry::math::{atan2, cos, exp, square};
@@ -11,7 +12,7 @@ use crate::model::observation::VIEWING_ANGLES;
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
 use crate::refine::covariance::{Covariances, PoseCovariance};
 use crate::refine::normal::State;
-use crate::tuning::{AMBIGUITY_NOISE, LEAST_ALTERNATIVE};
+use crate::tuning::{AMBIGUITY_NOISE, LEAST_ALTERNATIVE, NETWORK_AMBIGUITY_LIMITS};
 
 /// The best pose that faces another way, where it is not too improbable.
 ///
@@ -59,7 +60,8 @@ impl Doubt {
     pub(crate) fn of(object: &Object, verified: &Verified) -> Self {
         let (refined, model) = (&verified.refined, object.observation.model());
         if let Some(angles) = object.observation.viewing_angles() {
-            let ambiguity = turned_probability(angles, &refined.state, model);
+            let said = turned_probability(angles, &refined.state, model);
+            let ambiguity = object.options.ambiguity_coefficients.map_or(said, |c| calibrated(said, c));
             let is_away = |other: &RunnerUp| other.state.pose.forward_cosine(&refined.state.pose) < 0.0;
             let found = refined.runner_up.filter(is_away).map(|other| other.state);
             return Self { ambiguity, this: 1.0 - ambiguity, found };
@@ -95,6 +97,11 @@ impl Doubt {
         let yaw = pose.yaw(object.view);
         Some(Alternative { pose, yaw, shape_coefficients, covariance, probability })
     }
+}
+
+/// A probability from what the network says, by a line through the logits.
+fn calibrated(said: f64, [bias, slope]: [f64; 2]) -> f64 {
+    1.0 / (1.0 + exp(-bias - slope * logit(said, NETWORK_AMBIGUITY_LIMITS)))
 }
 
 /// Likelihood of the runner-up relative to the best, from their costs (pixels squared, halved).

@@ -184,8 +184,8 @@ fn certainty(object: &Object, verified: &Verified, memory: &mut Memory) -> Resul
         return Err(NoPose::Improbable);
     }
     let mut objective = objective(object, memory.keypoints.lend(), verified.noise.sigma);
-    let factor = options.effective_keypoint_error_factor();
-    let mut uncertainty = |state: &State| covariance(&mut objective, state, object.inlier_threshold, factor);
+    let errors = options.shared_errors(object.size());
+    let mut uncertainty = |state: &State| covariance(&mut objective, state, object.inlier_threshold, &errors);
     let covariances = if options.covariance { Some(uncertainty(state).ok_or(NoPose::Degenerate)?) } else { None };
     let own = covariances.as_ref().map(|c| &c.0);
     let ambiguity = doubt.ambiguity;

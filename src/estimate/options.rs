@@ -3,6 +3,7 @@
 use crate::error::{Got, InputError, require};
 use crate::estimate::probability::ProbabilityCoefficients;
 use crate::minimal::p1p::Cases;
+use crate::refine::covariance::SharedErrors;
 use crate::refine::region::region_radius2;
 use crate::refine::schedule::Refinement;
 use crate::search::score::Scoring;
@@ -126,9 +127,17 @@ pub struct Options {
     /// Degrees of freedom of Student's t of the errors of a pose: few are heavy tails, see [`Options::region_radius2`].
     /// `None`: infinite, Gaussian errors.
     pub keypoint_error_dof: Option<f64>,
+    /// Standard deviation of a shift that all keypoints of an object share, in each direction of the image, as a fraction
+    /// of the longer side of the 2D box. `None`: 0.
+    pub keypoint_error_shift: Option<f64>,
+    /// Standard deviation, radians, of a turn about the ground's normal that all keypoints of an object share. `None`: 0.
+    pub keypoint_error_turn: Option<f64>,
     /// Coefficients of the probability that an answer is right: a bias, and one for each number of
     /// [`crate::estimate::probability::Evidence`]. `None`: those for keypoints of the caller, with scores or without.
     pub probability_coefficients: Option<ProbabilityCoefficients>,
+    /// Bias and slope that make the logit of a true ambiguity from that of the viewing-angle probabilities of a network.
+    /// `None`: 0 and 1, as the network says.
+    pub ambiguity_coefficients: Option<[f64; 2]>,
     /// Least probability of an answer; 0: never refuse, not even a pose that looks far smaller than its box. `None`: 0.15,
     /// for keypoints of the caller, in the default refinement, and 0 in the paper's.
     pub min_probability: Option<f64>,
@@ -158,7 +167,10 @@ impl Default for Options {
             max_log10_nfa: MAX_LOG10_NFA,
             keypoint_error_factor: None,
             keypoint_error_dof: None,
+            keypoint_error_shift: None,
+            keypoint_error_turn: None,
             probability_coefficients: None,
+            ambiguity_coefficients: None,
             min_probability: None,
             score_weights: true,
             seed: 0,
@@ -213,6 +225,15 @@ impl Options {
     #[must_use]
     pub fn effective_keypoint_error_factor(&self) -> f64 {
         self.keypoint_error_factor.unwrap_or(1.0)
+    }
+
+    /// How the keypoints' errors widen the covariance of an object whose box has this longer side, pixels.
+    pub(crate) fn shared_errors(&self, longer_side: f64) -> SharedErrors {
+        SharedErrors {
+            factor: self.effective_keypoint_error_factor(),
+            shift: self.keypoint_error_shift.unwrap_or(0.0) * longer_side,
+            turn: self.keypoint_error_turn.unwrap_or(0.0),
+        }
     }
 
     /// Squared Mahalanobis distance, against the covariance of a pose or of so many `dimensions` of it, within which the
@@ -273,6 +294,16 @@ impl Options {
         if let Some(dof) = self.keypoint_error_dof {
             let expected = "a number above 2 (infinite: Gaussian errors), or none";
             require(dof > 2.0, "keypoint_error_dof", expected, Got::Number(dof))?;
+        }
+        for (name, sigma) in
+            [("keypoint_error_shift", self.keypoint_error_shift), ("keypoint_error_turn", self.keypoint_error_turn)]
+        {
+            let sigma = sigma.unwrap_or(0.0);
+            let expected = "a standard deviation of 0 or more, or none";
+            require(sigma.is_finite() && sigma >= 0.0, name, expected, Got::Number(sigma))?;
+        }
+        for c in self.ambiguity_coefficients.into_iter().flatten() {
+            require(c.is_finite(), "ambiguity_coefficients", "two finite numbers, or none", Got::Number(c))?;
         }
         for c in self.probability_coefficients.into_iter().flatten() {
             require(c.is_finite(), "probability_coefficients", "seven finite numbers, or none", Got::Number(c))?;

@@ -96,7 +96,7 @@ pub(crate) fn probability(coefficients: &ProbabilityCoefficients, evidence: &Evi
 }
 
 /// `ln(p / (1 - p))` of a probability kept within limits.
-fn logit(p: f64, [least, most]: [f64; 2]) -> f64 {
+pub(crate) fn logit(p: f64, [least, most]: [f64; 2]) -> f64 {
     let p = p.clamp(least, most);
     log(p / (1.0 - p))
 }

@@ -74,7 +74,7 @@ macro_rules! field {
     };
 }
 
-const FIELDS: [Field; 21] = [
+const FIELDS: [Field; 24] = [
     field!(inlier_threshold),
     field!(relative_threshold),
     field!(confidence),
@@ -97,7 +97,10 @@ const FIELDS: [Field; 21] = [
     field!(max_log10_nfa),
     field!(keypoint_error_factor),
     field!(keypoint_error_dof),
+    field!(keypoint_error_shift),
+    field!(keypoint_error_turn),
     field!(probability_coefficients),
+    field!(ambiguity_coefficients),
     field!(min_probability),
     field!(score_weights),
     field!(seed),

@@ -16,11 +16,18 @@
 //!        = \sigma^2 H^{-1} + (\kappa - 1) \sigma^2 H^{-1} (H - P) H^{-1} .
 //! ```
 //!
+//! What all keypoints share in the image or about the ground's normal is no part of that: it is hardly smaller for a near
+//! vehicle with small residuals. A shift by a fraction of the box ([`Options::keypoint_error_shift`]) widens the
+//! translation across the ray, a turn ([`Options::keypoint_error_turn`]) the rotation about the normal.
+//!
+//! [`Options::keypoint_error_shift`]: crate::estimate::options::Options::keypoint_error_shift
+//! [`Options::keypoint_error_turn`]: crate::estimate::options::Options::keypoint_error_turn
 //! [`Options::keypoint_error_factor`]: crate::estimate::options::Options::keypoint_error_factor
 
-use nalgebra::SMatrix;
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::geometry::math::square;
+use crate::geometry::view::View;
 use crate::model::shape_model::MAX_MODES;
 use crate::refine::kernels::Kernel;
 use crate::refine::normal::{Normal, State, cholesky, padded_modes, solve_cholesky};
@@ -57,20 +64,48 @@ pub type ShapePoseCovariance = SMatrix<f64, MAX_MODES, 6>;
 /// Covariances of a pose and a shape, and between them.
 pub(crate) type Covariances = (PoseCovariance, ShapeCovariance, ShapePoseCovariance);
 
-/// The covariances when the noise of a coordinate is that of the objective's priors and the keypoints'
-/// part is larger by `error_factor`; `None` when the inliers leave a direction free.
+/// Errors that the keypoints of an object have together.
+#[derive(Clone, Copy)]
+pub(crate) struct SharedErrors {
+    /// Of the keypoints' part of the covariance.
+    pub(crate) factor: f64,
+    /// Standard deviations: pixels in each direction of the image, and radians about the ground's normal.
+    pub(crate) shift: f64,
+    pub(crate) turn: f64,
+}
+
+impl SharedErrors {
+    fn widen(&self, covariance: &mut PoseCovariance, view: &View, t: &Vector3<f64>) {
+        if self.turn > 0.0 {
+            let normal = view.r_camera_from_ground.column(1) * self.turn;
+            let mut rotation = covariance.fixed_view_mut::<3, 3>(0, 0);
+            rotation += normal * normal.transpose();
+        }
+        if self.shift > 0.0 {
+            let ray = t.normalize();
+            let across = Matrix3::identity() - ray * ray.transpose();
+            let mut translation = covariance.fixed_view_mut::<3, 3>(3, 3);
+            translation += across * square(self.shift / view.camera.fx * t.z);
+        }
+    }
+}
+
+/// The covariances when the noise of a coordinate is that of the objective's priors and the keypoints have `errors`
+/// together; `None` when the inliers leave a direction free.
 pub(crate) fn covariance(
     objective: &mut Objective,
     state: &State,
     inlier_threshold: f64,
-    error_factor: f64,
+    errors: &SharedErrors,
 ) -> Option<Covariances> {
     objective.keypoints.activate_within(state, inlier_threshold);
-    match padded_modes(objective.keypoints.model.eigenvalues().len()) {
-        0 => inverse::<6>(objective, state, error_factor),
-        5 => inverse::<11>(objective, state, error_factor),
-        _ => inverse::<{ 6 + MAX_MODES }>(objective, state, error_factor),
-    }
+    let mut found = match padded_modes(objective.keypoints.model.eigenvalues().len()) {
+        0 => inverse::<6>(objective, state, errors.factor),
+        5 => inverse::<11>(objective, state, errors.factor),
+        _ => inverse::<{ 6 + MAX_MODES }>(objective, state, errors.factor),
+    }?;
+    errors.widen(&mut found.0, objective.view, &state.pose.t);
+    Some(found)
 }
 
 /// A call of its own, as [`Objective::linearise_keypoints`]: matrices of one size at a time are on the stack.

@@ -1,6 +1,6 @@
 //! Covariances with a factor against dense matrices; the alternative's pose and covariance against their definitions.
 
-use nalgebra::{SMatrix, Vector6};
+use nalgebra::{SMatrix, Vector3, Vector6};
 
 use super::fixture::{Fixture, Random, linearised};
 use crate::estimate::alternative::{turned, turned_covariance, turned_probability};
@@ -10,7 +10,7 @@ use crate::geometry::pose::Pose;
 use crate::geometry::view::{Tilt, View};
 use crate::model::observation::VIEWING_ANGLES;
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
-use crate::refine::covariance::{PoseCovariance, ShapePoseCovariance, covariance};
+use crate::refine::covariance::{PoseCovariance, ShapePoseCovariance, SharedErrors, covariance};
 use crate::refine::kernels::Kernel;
 use crate::refine::normal::State;
 use crate::refine::priors::Priors;
@@ -54,6 +54,31 @@ fn each_case(f: impl Fn(&ShapeModel, &State, &mut Fixture)) {
     }
 }
 
+fn independent(factor: f64) -> SharedErrors {
+    SharedErrors { factor, shift: 0.0, turn: 0.0 }
+}
+
+#[test]
+fn a_shared_shift_and_turn_add_to_the_covariance() {
+    each_case(|model, state, fixture| {
+        let mut at = |errors: SharedErrors| covariance(&mut fixture.objective(model), state, 1e9, &errors).unwrap().0;
+        let (shift, turn) = (3.0, 0.02);
+        let more = at(SharedErrors { factor: 1.0, shift, turn }) - at(independent(1.0));
+        let (view, t) = (view(), state.pose.t);
+        // Moved along a row of the image, as far as the pixels say; not along the ray.
+        let beside = t.cross(&Vector3::y()).normalize();
+        let translation = more.fixed_view::<3, 3>(3, 3);
+        let metres = shift / view.camera.fx * t.z;
+        assert!((beside.dot(&(translation * beside)) / square(metres) - 1.0).abs() < 1e-9);
+        assert!((translation * t).norm() < 1e-12);
+        let rotation = more.fixed_view::<3, 3>(0, 0);
+        let normal = view.r_camera_from_ground.column(1).into_owned();
+        assert!((rotation * normal - normal * square(turn)).norm() < 1e-12);
+        assert!((rotation.trace() - square(turn)).abs() < 1e-12);
+        assert!(more.fixed_view::<3, 3>(0, 3).norm() == 0.0);
+    });
+}
+
 /// Pose part of `H^-1 (kappa s2 K + s2 P) H^-1` from whole matrices, `K` those of the keypoints alone.
 fn dense<const D: usize>(
     model: &ShapeModel,
@@ -84,7 +109,8 @@ fn dense<const D: usize>(
 fn error_factor_widens_what_the_keypoints_say() {
     each_case(|model, state, fixture| {
         for factor in [1.0, 7.5, 20.0] {
-            let (found, _, between) = covariance(&mut fixture.objective(model), state, 1e9, factor).unwrap();
+            let (found, _, between) =
+                covariance(&mut fixture.objective(model), state, 1e9, &independent(factor)).unwrap();
             let (expected, expected_between) = match model.eigenvalues().len() {
                 0 => dense::<6>(model, state, fixture, factor),
                 _ => dense::<JOINT>(model, state, fixture, factor),
@@ -99,7 +125,7 @@ fn error_factor_widens_what_the_keypoints_say() {
 #[test]
 fn priors_limit_what_the_factor_widens() {
     each_case(|model, state, fixture| {
-        let mut at = |factor| covariance(&mut fixture.objective(model), state, 1e9, factor).unwrap().0;
+        let mut at = |factor| covariance(&mut fixture.objective(model), state, 1e9, &independent(factor)).unwrap().0;
         let (one, ten) = (at(1.0), at(10.0));
         for k in 0..6 {
             let ratio = ten[(k, k)] / one[(k, k)];

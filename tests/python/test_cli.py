@@ -140,6 +140,9 @@ TYPED = {
     "max_log10_nfa": ("--max-log10-nfa -3", -3.0),
     "keypoint_error_factor": ("--keypoint-error-factor 15", 15.0),
     "keypoint_error_dof": ("--keypoint-error-dof 6", 6.0),
+    "keypoint_error_shift": ("--keypoint-error-shift 0.01", 0.01),
+    "keypoint_error_turn": ("--keypoint-error-turn-deg 1", np.radians(1.0)),
+    "ambiguity_coefficients": ("--ambiguity-coefficients -0.6 0.9", (-0.6, 0.9)),
     "probability_coefficients": (
         "--probability-coefficients 1 0.5 -0.3 -1 0 0.4 -0.2",
         (1.0, 0.5, -0.3, -1.0, 0.0, 0.4, -0.2),

@@ -32,6 +32,7 @@ from groundpose.lab.training.crops import NOTHING
 
 N = 4000
 AHEAD = (0.0, 1.0, 20.0)
+OF_SHIFT, OF_TURN = np.diag([0.0, 0.0, 0.0, 400.0, 400.0, 0.0]), np.diag([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 QUANTITIES = ("pose", "R", "t", "yaw", "distance", "lateral")
 
 
@@ -127,7 +128,9 @@ def made_up(rng, count, factor=9.0, dof=6.0):
         t=t,
         up=np.tile([0.0, 1.0, 0.0], (2 * count, 1)),
         covariance=priors + keypoints,
-        growth=keypoints,
+        of_factor=keypoints,
+        of_shift=np.tile(OF_SHIFT, (2 * count, 1, 1)),
+        of_turn=np.tile(OF_TURN, (2 * count, 1, 1)),
         evidence=evidence,
         ambiguity=np.full(2 * count, 0.01),
         other_R=np.full((2 * count, 3, 3), np.nan),
@@ -139,7 +142,8 @@ def test_a_fit_finds_the_factor_and_its_regions_hold():
     found = fit.fit(answers, np.ones(len(answers), dtype=bool))
     assert 7.0 < found.error_factor < 13.0
     right = answers.only(answers.right)
-    for by in inside(right.stated(found.error_factor), found.error_dof).values():
+    shared = (found.error_factor, found.error_shift, found.error_turn)
+    for by in inside(right.stated(*shared), found.error_dof).values():
         assert 45.0 < by["50"] < 65.0
         assert 87.0 < by["90"] < 95.0
         assert 93.0 < by["95"] < 98.5

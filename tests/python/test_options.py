@@ -155,6 +155,32 @@ def see_keypoint_error_dof():
     assert RIGID.estimate(keypoint_error_dof=5.0).region() > RIGID.estimate().region()
 
 
+def see_keypoint_error_shift():
+    """A shift in the image moves the object across the ray, the further the more distant it is."""
+    still, shifted = RIGID.estimate(), RIGID.estimate(keypoint_error_shift=0.01)
+    more = (shifted.covariance - still.covariance)[still.ok]
+    t = still.t[still.ok]
+    assert (more[:, 3, 3] > 0.0).all()
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", more[:, 3:, 3:], t), 0.0, atol=1e-10)
+
+
+def see_keypoint_error_turn():
+    still, turned = RIGID.estimate(), RIGID.estimate(keypoint_error_turn=0.1)
+    more = (turned.covariance - still.covariance)[still.ok]
+    np.testing.assert_allclose(np.trace(more[:, :3, :3], axis1=1, axis2=2), 0.01)
+
+
+def see_ambiguity_coefficients():
+    """Only what viewing angles say is calibrated, by a line through the logits."""
+    seen = (RIGID.view, RIGID.keypoints_2d, RIGID.bboxes, RIGID.models)
+    angles = {"viewing_angle_probabilities": np.full((len(RIGID.t), 16), 1.0 / 16.0)}
+    plain = gp.estimate_poses(*seen, **angles)
+    asked = gp.estimate_poses(*seen, options=gp.Options(ambiguity_coefficients=(-2.0, 1.0)), **angles)
+    logit = np.log(plain.ambiguity / (1.0 - plain.ambiguity))
+    expected = 1.0 / (1.0 + np.exp(2.0 - logit))
+    np.testing.assert_allclose(asked.ambiguity[asked.ok], expected[asked.ok])
+
+
 def see_probability_coefficients():
     certain = RIGID.estimate(probability_coefficients=(9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(certain.probability[certain.ok], 1.0 / (1.0 + np.exp(-9.0)))

@@ -17,7 +17,7 @@ from groundpose.cli.output import mistakes
 from groundpose.options import Options
 
 # Angles: radians in the library, degrees on the command line, whose option ends in `-deg`.
-_ANGLES = ("tilt_sigma",)
+_ANGLES = ("tilt_sigma", "keypoint_error_turn")
 # A command line has no way to give one number per object; it gives coefficients one after the other.
 _COEFFICIENTS: Any = tuple[(float,) * (1 + _core.EVIDENCE)]  # type: ignore[misc]
 _TYPES = {"inlier_threshold": float, "probability_coefficients": _COEFFICIENTS}
@@ -26,6 +26,7 @@ _METAVARS: dict[Any, str] = {
     float: "X",
     float | None: "X",
     int: "N",
+    tuple[float, float] | None: "X X",
     tuple[float, float, float]: "T T T",
 }
 _METAVARS |= {_COEFFICIENTS: "X.."}

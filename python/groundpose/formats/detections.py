@@ -39,8 +39,9 @@ def boxes_of(detections: Any, image: str = "", size: tuple[int, int] | None = No
         size: its (width, height), for a file with fractions of the image or with boxes of another size.
 
     Raises:
-        TypeError: none of the kinds above. InputError: of that kind but not as it should be. OSError: no
-        file.
+        TypeError: none of the kinds above.
+        InputError: of that kind but not as it should be.
+        OSError: no such file.
     """
     if isinstance(detections, Boxes):
         return detections

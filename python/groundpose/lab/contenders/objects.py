@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -22,7 +22,7 @@ HRE_CUBE: Thresholds = (1.0, 1.5, 3.0)
 HRE_VEHICLE: Thresholds = (1.0, 4.0 / 3.0, 4.0)
 _OF_ALL = (
     *("view", "hre_thresholds", "frame_tilt_sigma", "fewest_points"),
-    *("frame", "keypoint_error_factor", "keypoint_error_dof"),
+    *("frame", "keypoint_errors"),
 )
 """Fields that are not one per object."""
 Some = TypeVar("Some", bound="Objects")
@@ -70,9 +70,8 @@ class Objects:
     """Radians; the tilt of the view is estimated from all objects first when it is given."""
     frame: gp.FramePriors | gp.CameraState | None = None
     """What is known of the frame, for contenders that take its objects together."""
-    keypoint_error_factor: float | None = None
-    """Of the keypoints, as in `groundpose.Options`."""
-    keypoint_error_dof: float | None = None
+    keypoint_errors: Mapping[str, float | None] = field(default_factory=dict)
+    """How the errors of keypoints are shared: options of `groundpose.Options` by name."""
 
     def __len__(self) -> int:
         """Number of objects."""

@@ -43,11 +43,7 @@ class Own:
         one_for_all = len(thresholds) > 0 and bool(np.all(thresholds == thresholds[0]))
         given = float(thresholds[0]) if one_for_all else thresholds.tolist()
         paper = {"hre_thresholds": objects.hre_thresholds} if self.paper_thresholds else {}
-        errors = {
-            "keypoint_error_factor": objects.keypoint_error_factor,
-            "keypoint_error_dof": objects.keypoint_error_dof,
-        }
-        return gp.Options(inlier_threshold=given, **{**errors, **self.options, **paper})
+        return gp.Options(inlier_threshold=given, **{**objects.keypoint_errors, **self.options, **paper})
 
     def poses(self, objects: Objects, clock: Clock | None = None) -> gp.PoseBatch:
         """One batch call with all the objects; options and models exist before, as a user's do."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,11 +17,18 @@ from groundpose.lab.metrics import yaw_between_deg
 from groundpose.lab.training.crops import NOTHING
 from groundpose.vehicles import CLASSES, keypoint_indices, shape_model
 
+FLIP_DEG = 90.0
+"""From here on a yaw is that of the other reading."""
 RIGHT_YAW_DEG, RIGHT_DISTANCE = 15.0, 0.15
 """Limits of a right answer: degrees of yaw, and a fraction of the true distance."""
 MOST_HIDDEN, MOST_CUT, LEAST_HEIGHT = 0.5, 0.15, 25.0
 """Limits of a well visible vehicle: fractions hidden by others and outside the image; pixels of the box."""
-_FACTORS = (1.0, 2.0)
+_UNITS: dict[str, dict[str, Any]] = {
+    "of_factor": {"keypoint_error_factor": 2.0},
+    "of_shift": {"keypoint_error_shift": 1.0},
+    "of_turn": {"keypoint_error_turn": 1.0},
+}
+"""Options by the part of the covariance of which they add one unit."""
 Mask = NDArray[np.bool_]
 
 
@@ -34,7 +41,8 @@ class Answers:
         ok: (N,) whether there is a pose, at whatever probability.
         R, t: the poses, (N, 3, 3) and (N, 3). up: (N, 3) the ground's normal (downwards) in the camera.
         covariance: (N, 6, 6) for independent keypoint errors (error factor 1).
-        growth: (N, 6, 6) what each unit of the error factor adds to it.
+        of_factor, of_shift, of_turn: (N, 6, 6) what each unit of the error factor, and of the squares of
+            shift and turn, adds to it.
         evidence: (N, 6). ambiguity: (N,).
         other_R: (N, 3, 3) of the other reading, NaN without one.
     """
@@ -45,7 +53,9 @@ class Answers:
     t: FloatArray
     up: FloatArray
     covariance: FloatArray
-    growth: FloatArray
+    of_factor: FloatArray
+    of_shift: FloatArray
+    of_turn: FloatArray
     evidence: FloatArray
     ambiguity: FloatArray
     other_R: FloatArray
@@ -91,10 +101,16 @@ class Answers:
         """(N,): vehicles whose yaw and distance are right."""
         return right(self.seen["R"], self.seen["t"], self.R, self.t)
 
-    def stated(self, factor: float) -> Stated:
-        """Errors and covariances for keypoint errors with this factor (`Options.keypoint_error_factor`)."""
-        error = errors(self.seen["R"], self.seen["t"], self.R, self.t)
-        return Stated(error, self.covariance + (factor - 1.0) * self.growth, self.t, self.up)
+    def stated(self, factor: float, shift: float = 0.0, turn: float = 0.0) -> Stated:
+        """Errors and covariances for keypoint errors shared like this (`Options.keypoint_error_*`)."""
+        covariance = self.covariance + (factor - 1.0) * self.of_factor
+        covariance += shift**2 * self.of_shift + turn**2 * self.of_turn
+        return Stated(self.errors, covariance, self.t, self.up)
+
+    @cached_property
+    def errors(self) -> FloatArray:
+        """(N, 6) as in `Stated`."""
+        return errors(self.seen["R"], self.seen["t"], self.R, self.t)
 
 
 def yaw_error(R_true: FloatArray, R: FloatArray) -> FloatArray:
@@ -110,14 +126,22 @@ def right(R_true: FloatArray, t_true: FloatArray, R: FloatArray, t: FloatArray) 
         return np.asarray(near & (yaw_error(R_true, R) <= RIGHT_YAW_DEG))
 
 
-def solve(seen: Records) -> Answers:
+def solve(seen: Records, ambiguity: tuple[float, float] | None = None) -> Answers:
     """Poses with the class that the network finds; none is refused for its probability.
 
-    Covariances are linear in the error factor, so two factors give those of all.
+    Covariances are linear in the error factor and in the squares of shift and turn, so one of each gives
+    those of all.
+
+    Args:
+        ambiguity: `Options.ambiguity_coefficients`.
     """
-    first, second = (_solved(seen, factor) for factor in _FACTORS)
-    growth = (second["covariance"] - first["covariance"]) / (_FACTORS[1] - _FACTORS[0])
-    return Answers(seen, growth=growth, **first)
+    open_ = Options(min_probability=0.0, ambiguity_coefficients=ambiguity)
+    first = _solved(seen, open_)
+    grown = {
+        part: _solved(seen, replace(open_, **more))["covariance"] - first["covariance"]
+        for part, more in _UNITS.items()
+    }
+    return Answers(seen, **first, **grown)
 
 
 _FIELDS = {name: name for name in ("ok", "R", "t", "covariance", "evidence", "ambiguity")}
@@ -125,8 +149,7 @@ _FIELDS["other_R"] = "alternative_R"
 """Fields of `Answers` and of the poses."""
 
 
-def _solved(seen: Records, factor: float) -> dict[str, Any]:
-    options = Options(keypoint_error_factor=factor, min_probability=0.0)
+def _solved(seen: Records, options: Options) -> dict[str, Any]:
     classes = seen["classes"].argmax(axis=1)
     own = [keypoint_indices(class_name) for class_name in CLASSES]
     models = [shape_model(class_name) for class_name in CLASSES]

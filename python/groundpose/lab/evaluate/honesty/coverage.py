@@ -64,6 +64,15 @@ class Stated:
         parts = (whole, whole[:, :3], whole[:, 3:], row(up, none), row(none, ray), row(none, across))
         return dict(zip(QUANTITIES, parts, strict=True))
 
+    def sizes(self) -> dict[str, float]:
+        """Median radius of the one-sigma ellipsoid of each of `QUANTITIES`: of the ball as large as it."""
+        found = {}
+        for name, looked_at in self.directions.items():
+            own = looked_at @ self.covariance @ np.swapaxes(looked_at, 1, 2)
+            half_logs = 0.5 * np.linalg.slogdet(own)[1] / looked_at.shape[1]
+            found[name] = float(np.exp(np.median(half_logs)))
+        return found
+
     def squared_distances(self) -> dict[str, tuple[int, FloatArray]]:
         """Dimensions and (N,) squared Mahalanobis distances of each of `QUANTITIES`."""
         found = {}

@@ -7,7 +7,7 @@ that was stopped goes on. Poses are solved anew each time.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.honesty import callers, numbers, sources, synthetic
 from groundpose.lab.evaluate.honesty.answers import Answers, Mask, solve
 from groundpose.lab.evaluate.honesty.coverage import covered
-from groundpose.lab.evaluate.honesty.fit import fit
+from groundpose.lab.evaluate.honesty.fit import ambiguity_coefficients, fit
 from groundpose.lab.evaluate.honesty.page import RESULTS, write_page
 from groundpose.lab.evaluate.honesty.seen import Source, kept
 from groundpose.lab.evaluate.honesty.store import store
@@ -37,10 +37,12 @@ class Judge:
 
     network: Network
     tell: Tell
+    ambiguity: tuple[float, float] | None = None
+    """`Options.ambiguity_coefficients`."""
 
     def answers(self, folder: Path, name: str, source: Source) -> Answers:
         """Of a source that `name` tells from others; what the network says is kept in a folder of crops."""
-        return solve(kept(folder_of(folder), name, self.network, source, self.tell))
+        return solve(kept(folder_of(folder), name, self.network, source, self.tell), self.ambiguity)
 
     def is_vehicle(self, answers: Answers) -> Mask:
         """(N,): what the network takes for a vehicle."""
@@ -66,7 +68,9 @@ def measure(root: Path, networks: list[str], crops: Path, fit_on: Path | None, t
         if fit_on is not None:
             tell(f"{name}: fit on the validation split")
             fit_file(Path(path), fit_on, tell)
-        found.setdefault("trained", {})[name] = judged(Judge(Network(path, 1), tell), crops)
+        network = Network(path, 1)
+        judge = Judge(network, tell, network.certainty.ambiguity_coefficients)
+        found.setdefault("trained", {})[name] = judged(judge, crops)
         report.write_json(out, found)
     report.write_json(out, found)
     write_page(root, found)
@@ -80,12 +84,17 @@ def _command(networks: list[str]) -> str:
 
 def fit_file(path: Path, crops: Path, tell: Tell) -> None:
     """Fit a network's certainty on the validation split of a folder and store it in the network's file."""
-    judge = Judge(Network(path, 1), tell)
-    parts = [judge.answers(crops, name, source) for name, source in sources.for_fit(crops).items()]
-    answers = Answers.joined(parts)
-    certainty = fit(answers, judge.is_vehicle(answers))
+    network = Network(path, 1)
+    line = ambiguity_coefficients(_for_fit(Judge(network, tell), crops))
+    judge = Judge(network, tell, line)
+    answers = _for_fit(judge, crops)
+    certainty = replace(fit(answers, judge.is_vehicle(answers)), ambiguity_coefficients=line)
     store(path, certainty)
     tell(f"{path.name}: {certainty}")
+
+
+def _for_fit(judge: Judge, crops: Path) -> Answers:
+    return Answers.joined([judge.answers(crops, *one) for one in sources.for_fit(crops).items()])
 
 
 def judged(judge: Judge, crops: Path) -> dict[str, Any]:

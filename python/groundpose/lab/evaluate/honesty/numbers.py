@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from groundpose.keypoints.certainty import Certainty
-from groundpose.lab.evaluate.honesty.answers import RIGHT_YAW_DEG, Answers, Mask
+from groundpose.lab.evaluate.honesty.answers import FLIP_DEG, RIGHT_YAW_DEG, Answers, Mask
 from groundpose.lab.evaluate.honesty.coverage import covered
 from groundpose.lab.evaluate.honesty.label_errors import allowed
 from groundpose.lab.evaluate.honesty.probability import AMBIGUITY_EDGES, probability, reliability
@@ -17,7 +17,6 @@ from groundpose.lab.metrics import percentage
 CLEAR, ALLOWED = "well visible", "well visible, errors of the labels allowed for"
 INDEPENDENT = "well visible, errors taken for independent"
 """Groups of right answers whose coverage is stated."""
-FLIP_DEG = 90.0
 FEWEST = 10
 """Answers from which a group's numbers are stated."""
 
@@ -56,7 +55,8 @@ def vehicles(answers: Answers, certainty: Certainty, is_vehicle: Mask, real: boo
         cases[ALLOWED] = (allowed(answers).only(easy), certainty)
     for name, (some, numbers) in cases.items():
         if len(some) >= FEWEST:
-            found["coverage"][name] = covered(some.stated(numbers.error_factor), numbers.error_dof)
+            shared = (numbers.error_factor, numbers.error_shift, numbers.error_turn)
+            found["coverage"][name] = covered(some.stated(*shared), numbers.error_dof)
     return found
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -143,15 +145,23 @@ def _certainty(trained: dict[str, Any]) -> list[dict[str, Any]]:
     lines = []
     for name, one in trained.items():
         own = one["certainty"]
-        coefficients = ", ".join(f"{c:.3g}" for c in own["probability_coefficients"])
         lines.append({
             "network": name,
             "error factor": own["error_factor"],
             "degrees of freedom": own["error_dof"],
-            "coefficients: bias, score, misfit, noise, false alarms, vehicle, ambiguity": coefficients,
+            "shift, % of the box": 100.0 * own["error_shift"],
+            "turn, deg": math.degrees(own["error_turn"]),
+            "ambiguity: bias, slope": _numbers(own["ambiguity_coefficients"] or (0.0, 1.0)),
+            "coefficients: bias, score, misfit, noise, false alarms, vehicle, ambiguity": _numbers(
+                own["probability_coefficients"]
+            ),
             "least probability": own["min_probability"],
         })  # fmt: skip
     return lines
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)
 
 
 def _coverage(trained: dict[str, Any]) -> list[dict[str, Any]]:

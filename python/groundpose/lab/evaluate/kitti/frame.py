@@ -170,8 +170,7 @@ def given(frame: KittiFrame, prepared: Prepared, task: Task) -> Objects:
         fewest_points=4,
         frame_tilt_sigma=None if sigma is None else math.radians(sigma),
         frame=task.frame,
-        keypoint_error_factor=found.error_factor,
-        keypoint_error_dof=found.error_dof,
+        keypoint_errors=found.errors,
     )
 
 

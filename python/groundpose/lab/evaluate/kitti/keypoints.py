@@ -4,8 +4,8 @@ detector."""
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import Protocol
 
@@ -39,17 +39,19 @@ _REAR = (
     *("guard_rear", "rear_plate", "tailgate"),
 )
 
+KEYPOINT_ERRORS = tuple(f.name for f in fields(gp.Options) if f.name.startswith("keypoint_error_"))
+
 
 @dataclass(frozen=True)
 class Found:
     """Keypoints of N boxes: (P_i, 2) pixels with NaN for those not seen, (P_i,) scores, the model of each;
-    how their errors are shared, as in `groundpose.Options`."""
+    how their errors are shared (options of
+    `groundpose.Options` by name)."""
 
     keypoints_2d: list[FloatArray]
     scores: list[FloatArray]
     models: list[gp.ShapeModel]
-    error_factor: float | None = None
-    error_dof: float | None = None
+    errors: Mapping[str, float | None] = field(default_factory=dict)
 
 
 class KeypointSource(Protocol):
@@ -86,9 +88,8 @@ class Network:
             return None
         found = self.pipeline.detect(as_rgb(frame.image), bboxes)
         models = [self.pipeline.models[class_name or CLASSES[0]] for class_name in found.classes]
-        options = self.pipeline.options
-        shared = (options.keypoint_error_factor, options.keypoint_error_dof)
-        return Found(found.keypoints, found.scores, models, *shared)
+        errors = {name: getattr(self.pipeline.options, name) for name in KEYPOINT_ERRORS}
+        return Found(found.keypoints, found.scores, models, errors)
 
 
 @dataclass(frozen=True)
