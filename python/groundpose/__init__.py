@@ -24,13 +24,22 @@ from groundpose.sizes import ClassSize, SizePrior
 from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
+    from groundpose.camera_profile import CameraProfile
     from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+    from groundpose.self_calibration.calibrate import Calibration, calibrate
+    from groundpose.self_calibration.plane import Known
+    from groundpose.self_calibration.sightings import Sightings
 
 __version__: str = build_info()["version"]
 
 # What needs onnxruntime and the vehicles' models is imported when it is first asked for.
 _LAZY = {
+    "Calibration": "groundpose.self_calibration.calibrate",
+    "CameraProfile": "groundpose.camera_profile",
+    "Known": "groundpose.self_calibration.plane",
+    "Sightings": "groundpose.self_calibration.sightings",
+    "calibrate": "groundpose.self_calibration.calibrate",
     "Network": "groundpose.keypoints.network",
     "Pipeline": "groundpose.keypoints.pipeline",
     "VehiclePoses": "groundpose.keypoints.pipeline",
@@ -38,23 +47,28 @@ _LAZY = {
 
 __all__ = [
     "Alternatives",
+    "Calibration",
     "Camera",
+    "CameraProfile",
     "CameraState",
     "ClassSize",
     "EstimatedView",
     "FramePriors",
     "InputError",
+    "Known",
     "Network",
     "Options",
     "Pipeline",
     "Pose",
     "PoseBatch",
     "ShapeModel",
+    "Sightings",
     "SizePrior",
     "VehiclePoses",
     "View",
     "__version__",
     "build_info",
+    "calibrate",
     "estimate_poses",
     "region_radius2",
 ]

@@ -14,7 +14,7 @@ PACKAGE = Path(groundpose.__file__).parent
 ROOMS = (
     *("_core", "_checks", "_value", "lens", "calibration", "options", "types", "plausibility", "shape"),
     *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road"),
-    *("draw", "formats", "estimate", "keypoints", "", "demo", "cli"),
+    *("draw", "formats", "estimate", "camera_profile", "self_calibration", "keypoints", "", "demo", "cli"),
     *(
         "lab",
         "lab.data",

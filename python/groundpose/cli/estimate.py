@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from groundpose._core import InputError
+from groundpose.camera_profile import CameraProfile
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.inputs import NetworkFile, is_image
 from groundpose.cli.learned import LearnedCamera
@@ -127,6 +128,15 @@ def estimate(
             show_default="every vehicle alone",
         ),
     ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(
+            help="Camera profile of [bold]groundpose calibrate[/bold]: camera, tilt and height of all "
+            "frames, with standard deviations; instead of [bold]--calib[/bold].",
+            metavar="FILE",
+            show_default="none",
+        ),
+    ] = None,
     learn_camera: Annotated[
         Path | None,
         typer.Option(
@@ -178,13 +188,15 @@ def estimate(
     with mistakes():
         angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
         pitch, roll, sigma = (None if angle is None else math.radians(angle) for angle in angles)
-        frame = _frame(height, region, learn_camera)
+        told = (calib, fov_deg, pitch_deg, roll_deg, height)
+        known = None if profile is None else _profile(profile, *told)
+        frame = _frame(height, region, learn_camera) if known is None else _known_frame(known, region)
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
-        mounting = Mounting(pitch, roll, height, sigma, frame, learned)
+        mounting = Mounting(pitch, roll, height, sigma, frame, learned, None if known is None else known.view)
         job = _Job(options, threads, mounting, out, form, draw)
         meant = _meant(classes or [])
         if boxes is not None or is_image(source):
-            seen_by = CameraChoice(calib, camera, fov_deg)
+            seen_by = CameraChoice(calib if profile is None else profile, camera, fov_deg)
             status = job.images(
                 source, boxes, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
             )
@@ -202,6 +214,20 @@ def estimate(
             }
             status = job.frames(source, for_images)
     raise typer.Exit(status)
+
+
+def _profile(path: Path, *instead: object) -> CameraProfile:
+    """The profile of a file, which says all of the camera."""
+    if any(value is not None for value in instead):
+        options = "--calib, --fov-deg, --pitch-deg, --roll-deg and --height"
+        refuse(f"--profile: says camera, tilt and height; leave out {options}")
+    return CameraProfile.load(path)
+
+
+def _known_frame(profile: CameraProfile, region: str | None) -> FramePriors:
+    """What a profile says of each frame; the sizes of a region instead of those that it learned."""
+    priors = profile.priors()
+    return priors if region is None else replace(priors, size=SizePrior.region(region))
 
 
 def _frame(height: float | None, region: str | None, learn_camera: Path | None) -> FramePriors | None:
