@@ -24,13 +24,13 @@ from groundpose.self_calibration.solve import Road, Solver
 
 FEWEST = 30
 """Vehicles from which on a focal length is estimated."""
-SHAPES_SIGMA = 0.01
+SHAPES_SIGMA = 0.02
 """Standard deviation of its logarithm by what vehicles share: proportions of classes, habits of a network."""
 
-_UPRIGHT = 0.01  # radians, lean of vehicles against the road
+_UPRIGHT = 0.015  # radians, lean of vehicles against the road
 _NOISE = 0.015  # of a keypoint, over the longer side of the box
 _COARSE = 0.15  # steps of the logarithm
-_FINE = 0.04
+_FINE = 0.05
 _LARGEST = 1.2
 
 

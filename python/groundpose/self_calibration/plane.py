@@ -105,7 +105,7 @@ def fit_plane(contacts: Contacts, start: tuple[float, float], known: Known) -> P
     misfit = math.sqrt(float(np.sum(weights * left**2 / shared) / max(float(weights.sum()), 1e-9)))
     covariance = covariance * max(misfit, 1.0) ** 2
     covariance[HEIGHT, HEIGHT] += (CONTACT_SIGMA / math.exp(at[HEIGHT])) ** 2
-    return Plane(at, covariance, weights, misfit)
+    return Plane(at, covariance, weights * own_weights[contacts.vehicles], misfit)
 
 
 def _priors(contacts: Contacts, known: Known) -> tuple[FloatArray, FloatArray]:
