@@ -5,10 +5,10 @@ use std::fs;
 use std::path::Path;
 
 /// The rooms from the ground to the roof, each with its files in the same order. A room without files is one file.
-const ROOMS: [(&str, &[&str]); 11] = [
+const ROOMS: [(&str, &[&str]); 12] = [
     ("error", &[]),
     ("tuning", &[]),
-    ("geometry", &["math", "bbox", "footprint", "lens", "camera", "view", "pose"]),
+    ("geometry", &["math", "bbox", "footprint", "lens", "camera", "view", "pose", "local_view"]),
     ("model", &["shape_model", "observation"]),
     ("simd", &["lanes", "avx", "dispatch", "blocks", "projection"]),
     ("minimal", &["p1p", "p1p_height", "up2p", "p3p"]),
@@ -46,6 +46,8 @@ const ROOMS: [(&str, &[&str]); 11] = [
             "alternative",
             "describe",
             "pipeline",
+            "outline",
+            "wide",
             "estimator",
             "frame_tilt",
             "frame_priors",
@@ -54,6 +56,22 @@ const ROOMS: [(&str, &[&str]); 11] = [
             "frame",
             "camera_state",
             "batch",
+        ],
+    ),
+    (
+        "track",
+        &[
+            "options",
+            "sighting",
+            "facing",
+            "size",
+            "model",
+            "row",
+            "filter",
+            "smooth",
+            "vehicle",
+            "associate",
+            "tracker",
         ],
     ),
     ("synthetic", &[]),

@@ -27,5 +27,5 @@ extern "C" fn rust_eh_personality() {}
 /// The entry that the C run time calls.
 #[unsafe(no_mangle)]
 pub extern "C" fn main() -> c_int {
-    crate::run() as c_int
+    [false, true].map(crate::run).into_iter().max().unwrap_or(0) as c_int
 }

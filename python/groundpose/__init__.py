@@ -21,10 +21,12 @@ from groundpose.options import Options
 from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
 from groundpose.sizes import ClassSize, SizePrior
+from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
 from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
     from groundpose.camera_profile import CameraProfile
+    from groundpose.detector.detector import Detector
     from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
     from groundpose.self_calibration.calibrate import Calibration, calibrate
@@ -40,6 +42,7 @@ _LAZY = {
     "Known": "groundpose.self_calibration.plane",
     "Sightings": "groundpose.self_calibration.sightings",
     "calibrate": "groundpose.self_calibration.calibrate",
+    "Detector": "groundpose.detector.detector",
     "Network": "groundpose.keypoints.network",
     "Pipeline": "groundpose.keypoints.pipeline",
     "VehiclePoses": "groundpose.keypoints.pipeline",
@@ -52,6 +55,7 @@ __all__ = [
     "CameraProfile",
     "CameraState",
     "ClassSize",
+    "Detector",
     "EstimatedView",
     "FramePriors",
     "InputError",
@@ -61,9 +65,13 @@ __all__ = [
     "Pipeline",
     "Pose",
     "PoseBatch",
+    "SeenVehicles",
     "ShapeModel",
     "Sightings",
     "SizePrior",
+    "TrackOptions",
+    "Tracker",
+    "Tracks",
     "VehiclePoses",
     "View",
     "__version__",

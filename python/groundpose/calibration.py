@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 
-from groundpose._checks import FloatArray, finite, input_error
+from groundpose._checks import FloatArray, finite, input_error, read_text
 
 _LINE = re.compile(r"\s*([A-Za-z]\w*)(?:\s*:\s*|\s+)(\S.*)")
 
@@ -36,7 +35,7 @@ def read_kitti_projection(path: str | PathLike[str], name: str = "P2") -> FloatA
 
     Raises `InputError` when the file has no such line or not twelve numbers in it.
     """
-    lines = kitti_lines(Path(path).read_text(encoding="utf-8-sig"))
+    lines = kitti_lines(read_text(path))
     for key in (name, name.replace("P", "P_rect_0")):
         if key in lines:
             number, text = lines[key]

@@ -15,6 +15,7 @@ import numpy as np
 from groundpose._checks import FloatArray, input_error, number, shaped, type_error
 from groundpose._core import InputError
 from groundpose._value import Value
+from groundpose._writing import whole_file
 from groundpose.formats.fields import parse
 from groundpose.formats.frames import read_view
 from groundpose.frame import FramePriors
@@ -119,7 +120,8 @@ class CameraProfile(Value):
                 "remarks": list(self.remarks),
             },
         }
-        Path(path).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        with whole_file(path) as file:
+            file.write(json.dumps(content, indent=1) + "\n")
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> CameraProfile:

@@ -12,15 +12,14 @@ from numpy.typing import ArrayLike
 from groundpose import _core
 from groundpose._checks import (
     FloatArray,
-    describe,
     float_array,
     input_error,
-    integer,
     number,
     shape_text,
     shaped,
     type_error,
 )
+from groundpose._checks import threads as checked_threads
 from groundpose.camera_state import CameraState
 from groundpose.frame import FramePriors
 from groundpose.options import Options
@@ -71,7 +70,7 @@ def estimate_poses(
         keypoint_scores: (N, P), or N sequences (P_i,), weights of a detector, at least 0; 0 or
             NaN: not seen. None: all weigh the same.
         options: see `Options`.
-        threads: 1 or more; None: all cores. The result is the same bit for bit.
+        threads: 1 or more, at most one for each core; None: all cores. The result is the same bit for bit.
         frame_tilt_sigma: radians, standard deviation of the frame's true tilt about the nominal tilt
             of `view`. The tilt is then estimated first, from all objects together, and stands in
             the result's `view`; this doubles the time. None: the nominal tilt is taken as true.
@@ -118,11 +117,12 @@ def estimate_poses(
         raise input_error("options.inlier_threshold", f"{count} numbers, one per object", len(thresholds))
     handles = [each[0]._handle] if isinstance(models, ShapeModel) and count else [m._handle for m in each]
     sigma = None if frame_tilt_sigma is None else number("frame_tilt_sigma", frame_tilt_sigma)
-    data, workers = (keypoints, scores, boxes, handles, thresholds), _threads(threads)
+    data, workers = (keypoints, scores, boxes, handles, thresholds), checked_threads(threads) or 0
     said = (
         _said("vehicle_probability", vehicle_probability, (count,)),
         _said("viewing_angle_probabilities", viewing_angle_probabilities, (count, _core.VIEWING_ANGLES)),
     )
+    nominal = {"nominal_view": view, "nominal_tilt_sigma": np.full(2, np.nan if sigma is None else sigma)}
     out = _core.estimate_batch(view._handle, *data, options._handle, workers, sigma, *said)
     if sigma is not None:
         view = replace(view, pitch=out.pop("pitch"), roll=out.pop("roll"))
@@ -132,7 +132,7 @@ def estimate_poses(
     given = {"view": view, "keypoints_2d": keypoints, "bboxes": boxes, "models": each}
     given["error_dof"] = np.inf if options.keypoint_error_dof is None else options.keypoint_error_dof
     given["scale_covariance"] = np.zeros((count, out["shape_coefficients"].shape[1] + 1))
-    return PoseBatch._of(given | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
+    return PoseBatch._of(given | nominal | {"tilt_covariance": _NO_COVARIANCE.copy()} | out | {"ok": ok})
 
 
 def _keypoints(value: Any, models: object) -> tuple[FloatArray, list[int] | None]:
@@ -231,11 +231,3 @@ def _bboxes(value: Any, count: int) -> FloatArray:
             "bboxes", f"shape ({count}, 4), one box per object", f"shape {shape_text(boxes.shape)}"
         )
     return np.array(boxes)
-
-
-def _threads(threads: int | None) -> int:
-    if threads is None:
-        return 0
-    if integer("threads", threads) < 1:
-        raise input_error("threads", "1 or more, or None for all cores", describe(threads))
-    return int(threads)

@@ -20,14 +20,18 @@ class LensModel:
     Args:
         coefficients: names of its coefficients in order.
         counts: how many of them can be given; the others are then 0.
-        ros: its name as `distortion_model` of ROS's calibration files and camera_info messages.
+        ros: its name as `distortion_model` of ROS's calibration files and camera_info messages; of a model
+            that ROS has not, ours.
         names: what other tools call it, in small letters and digits alone.
+        is_wide: whether it maps directions, also those of 90 degrees and more from the optical axis, and no
+            coefficients of 0 make it ideal.
     """
 
     coefficients: tuple[str, ...]
     counts: tuple[int, ...]
     ros: str
     names: tuple[str, ...]
+    is_wide: bool = False
 
     def checked(self, argument: str, value: object) -> tuple[float, ...]:
         """As many coefficients as the model has. Raises InputError, TypeError."""
@@ -56,8 +60,18 @@ LENSES: dict[str, LensModel] = {
         "equidistant",
         (
             *("equidistant", "equi", "fisheye", "opencvfisheye"),
-            *("kannalabrandt", "kannalabrandt4", "kannalabrandt8"),
+            *("kannalabrandt", "kannalabrandt4", "kannalabrandt8", "kb4"),
         ),
+        is_wide=True,
+    ),
+    "double_sphere": LensModel(("xi", "alpha"), (2,), "double_sphere", ("doublesphere", "ds"), is_wide=True),
+    "field_of_view": LensModel(("omega",), (1,), "field_of_view", ("fieldofview", "fov"), is_wide=True),
+    "omnidirectional": LensModel(
+        ("xi", "k1", "k2", "p1", "p2"),
+        (5,),
+        "omnidirectional",
+        ("omnidirectional", "omni", "mei"),
+        is_wide=True,
     ),
 }
 

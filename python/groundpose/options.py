@@ -122,7 +122,7 @@ _Check = Callable[[str, Any], Any]
 
 
 def _one_or_more(name: str, value: Any) -> float | tuple[float, ...]:
-    if np.ndim(value) == 0:
+    if not isinstance(value, (list, tuple)) and np.ndim(value) == 0:
         return number(name, value)
     return tuple(shaped(name, value, ("N",)).tolist())
 

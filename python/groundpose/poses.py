@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from groundpose import _core
 from groundpose._checks import FloatArray, input_error, integer, number, type_error
-from groundpose.remarks import tilt_remarks
+from groundpose.plausibility import answer_remarks, box_remarks, camera_remarks
+from groundpose.remarks import estimated_tilt_remarks, tilt_remarks
 from groundpose.shape import ShapeModel
 from groundpose.types import View
 
@@ -63,7 +64,8 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     inlier_threshold: Number = field(metadata=spec())
     """Pixels, the threshold used."""
     residuals: FloatArray = field(metadata=spec("P"))
-    """(P,) undistorted pixels between keypoint and projection, NaN = not seen."""
+    """(P,) undistorted pixels between keypoint and projection, NaN = not seen; through a wide lens, pixels of
+    the pinhole view that faces the object, which are those of the picture near its middle."""
     reprojection_rmse: Number = field(metadata=spec())
     """Pixels, root mean square of the inliers' residuals."""
     noise_sigma: Number = field(metadata=spec())
@@ -182,6 +184,8 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     Attributes:
         view: camera, tilt and height the poses belong to: nominal, or estimated from the whole frame; with
             `frame` an `EstimatedView`.
+        nominal_view: the view as it was given.
+        nominal_tilt_sigma: (2,) radians, of its pitch and roll; NaN when they are taken as true.
         tilt_covariance: (2, 2) radians^2 of the estimated pitch and roll; NaN when the tilt is nominal.
         bboxes: (N, 4) `left, top, right, bottom` pixels, a copy of what was given, NaN = not known.
         models: N shape models.
@@ -191,6 +195,8 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     """
 
     view: View
+    nominal_view: View
+    nominal_tilt_sigma: FloatArray
     tilt_covariance: FloatArray
     bboxes: FloatArray
     models: tuple[ShapeModel, ...]
@@ -248,11 +254,15 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What looks wrong in the input, a sentence each, judged from all objects; empty when nothing does:
-        "the vehicles disagree with the nominal pitch by 20 deg". Computed when it is asked for."""
+        """What looks wrong in the input, each as "kind: details", judged from camera, boxes and all poses:
+        "nominal pitch: the vehicles disagree with it by 20 deg". Empty when nothing does. Computed when it is
+        asked for."""
+        size = self.view.camera.image_size
+        said = [*camera_remarks(self.nominal_view), *box_remarks(self.bboxes, size)]
+        said += [*answer_remarks(self.status.tolist()), *self.view.remarks]
         if np.isfinite(self.tilt_covariance).all():  # the tilt is that of the objects
-            return self.view.remarks
-        return self.view.remarks + tilt_remarks(self.view, self.R[self.ok], self.covariance[self.ok])
+            return (*said, *estimated_tilt_remarks(self.nominal_view, self.view, self.nominal_tilt_sigma))
+        return (*said, *tilt_remarks(self.view, self.R[self.ok], self.covariance[self.ok]))
 
     def region(self, level: float = 0.95, dimensions: int = 6) -> float:
         """Squared Mahalanobis distance within which the truth lies with the probability `level`.

@@ -1,4 +1,7 @@
-"""What looks wrong in the input of one image, from the poses of all its objects."""
+"""What looks wrong in the input of one image, from the poses of all its objects.
+
+A remark is "kind: details", as those of `groundpose.plausibility` are.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,10 @@ LEAST_TILT = np.radians(4.0)
 """Radians below which a nominal tilt is good enough for the prior of the poses."""
 MOST_SIGMAS = 4.0
 """Standard deviations of the mean lean at which chance is no explanation."""
+CONFLICT = 2.0
+"""Standard deviations of a nominal tilt from which an estimated one disagrees with it."""
+LEAST_SIGN = np.radians(1.0)
+"""Radians from which the sign of a nominal tilt means something."""
 
 
 def tilt_remarks(view: View, R: FloatArray, covariance: FloatArray) -> tuple[str, ...]:
@@ -38,18 +45,20 @@ def tilt_remarks(view: View, R: FloatArray, covariance: FloatArray) -> tuple[str
     down, nominal = R[:, :, 1], view.R_camera_from_ground[:, 1]
     if len(down) < FEWEST_OBJECTS:
         return ()
-    same = _angles(down[:, None], down[None]) < SAME_LEAN
+    same = down @ down.T > np.cos(SAME_LEAN)
     group = same[np.argmax(same.sum(axis=1))]
     count = int(group.sum())
     if count < max(FEWEST_OBJECTS, LEAST_AGREEMENT * len(down)):
         return ()
     mean = down[group].sum(axis=0)
     mean /= np.linalg.norm(mean)
+    off = float(_angles(mean, nominal))
+    if off < LEAST_TILT:
+        return ()
     # the rotation about the axis itself does not move it: with it, this is too much rather than too little
     stated = np.nan_to_num(np.trace(covariance[group, :3, :3], axis1=1, axis2=2))
     variances = stated + 2.0 * OBJECT_LEAN**2
-    off = float(_angles(mean, nominal))
-    if off < max(LEAST_TILT, MOST_SIGMAS * float(np.sqrt(variances.sum())) / count):
+    if off < MOST_SIGMAS * float(np.sqrt(variances.sum())) / count:
         return ()
     return _sentences(view, mean)
 
@@ -59,17 +68,45 @@ def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.arccos(np.clip((a * b).sum(axis=-1), -1.0, 1.0)))
 
 
+def estimated_tilt_remarks(nominal: View, seen: View, sigmas: FloatArray) -> tuple[str, ...]:
+    """Whether the tilt estimated from a frame is far from the nominal one.
+
+    Args:
+        nominal: with the tilt as given. seen: with the tilt as estimated.
+        sigmas: (2,) radians, of the nominal pitch and roll.
+    """
+    far = {name: sigma for name, sigma in zip(_ANGLES, sigmas.tolist(), strict=True) if sigma > 0.0}
+    return tuple(
+        _sentence(name, getattr(nominal, name), getattr(seen, name))
+        for name, sigma in far.items()
+        if abs(_turn(getattr(seen, name) - getattr(nominal, name))) > CONFLICT * sigma
+    )
+
+
 def _sentences(view: View, down: FloatArray) -> tuple[str, ...]:
     if (down * view.R_camera_from_ground[:, 1]).sum() < 0.0:
-        return ("the vehicles stand upside down: the image may be turned by half a turn",)
+        return ("upside down: the vehicles stand so; the image may be turned by half a turn",)
     seen = View.from_gravity(view.camera, down)
-    angles = {"pitch": seen.pitch - view.pitch, "roll": seen.roll - view.roll}
-    degrees = {
-        name: abs(np.degrees((angle + np.pi) % (2.0 * np.pi) - np.pi)) for name, angle in angles.items()
-    }
-    most = max(degrees.values())
+    off = {name: abs(_turn(getattr(seen, name) - getattr(view, name))) for name in _ANGLES}
+    most = max(off.values())
     return tuple(
-        f"the vehicles disagree with the nominal {name} by {angle:.0f} deg"
-        for name, angle in degrees.items()
-        if np.radians(angle) >= LEAST_TILT or angle == most
+        _sentence(name, getattr(view, name), getattr(seen, name))
+        for name, angle in off.items()
+        if angle >= LEAST_TILT or angle == most
     )
+
+
+_ANGLES = ("pitch", "roll")
+
+
+def _sentence(name: str, nominal: float, seen: float) -> str:
+    """With the degrees between them, and whether the sign may be that of another convention."""
+    off = abs(_turn(seen - nominal))
+    mirrored = abs(nominal) > LEAST_SIGN and abs(_turn(seen + nominal)) < 0.5 * off
+    sign = "; is its sign of another convention?" if mirrored else ""
+    return f"nominal {name}: the vehicles disagree with it by {np.degrees(off):.0f} deg{sign}"
+
+
+def _turn(angle: float) -> float:
+    """Between -pi and pi."""
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)

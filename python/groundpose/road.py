@@ -69,10 +69,11 @@ def estimate_frame(
         solved = rows.solved(view, frame)
     if state is not None:
         state.take(rows.names, solved)
-    return _corrected(rows, solved, view)
+    priors = frame.priors if isinstance(frame, CameraState) else frame
+    return _corrected(rows, solved, view, np.array([priors.pitch_sigma, priors.roll_sigma]))
 
 
-def _corrected(rows: _Rows, solved: dict[str, Any], nominal: View) -> PoseBatch:
+def _corrected(rows: _Rows, solved: dict[str, Any], nominal: View, sigmas: FloatArray) -> PoseBatch:
     poses, at = rows.poses, rows.at
     view = EstimatedView.of(nominal, solved, rows.names)
     follows = _follows(rows)
@@ -87,7 +88,8 @@ def _corrected(rows: _Rows, solved: dict[str, Any], nominal: View) -> PoseBatch:
         models[k] = models[k].resized(factor)
     values |= {"models": tuple(models), "scale_covariance": _scale_covariance(rows, solved, follows)}
     tilt = {"view": view, "tilt_covariance": solved["view_covariance"][:2, :2]}
-    return type(poses)._of(vars(poses) | values | tilt)
+    given = {"nominal_view": nominal, "nominal_tilt_sigma": sigmas}
+    return type(poses)._of(vars(poses) | values | tilt | given)
 
 
 def _shapes(rows: _Rows, solved: dict[str, Any], follows: FloatArray) -> dict[str, FloatArray]:

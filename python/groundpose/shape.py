@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from groundpose import _core
 from groundpose._checks import FloatArray, finite, input_error, integer, number, shaped, text, type_error
+from groundpose._core import InputError
+from groundpose._npz import read_arrays
 from groundpose._value import Value
+from groundpose._writing import whole_file
 
 # Version of the .npz files; raised when a reader of the old version could not read the new one.
 FILE_VERSION = 1
@@ -244,20 +246,13 @@ class ShapeModel(Value):
         """Write the model to `path` (.npz, arrays and strings only)."""
         arrays = {key: array for key in ARRAYS if (array := getattr(self, key)) is not None}
         names = np.array(self.keypoint_names, dtype=np.str_)
-        with Path(path).open("wb") as file:  # np.savez would add a suffix to a bare path
+        with whole_file(path, "wb") as file:  # np.savez would add a suffix to a bare path
             np.savez(file, version=FILE_VERSION, name=self.name, keypoint_names=names, **arrays)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> ShapeModel:
         """Read a model written by `save`. Raises OSError (no such file) or InputError (not a model)."""
-        from zipfile import BadZipFile  # here: half of what `import groundpose` takes beyond numpy
-
-        try:
-            # Opened here: np.load leaves a damaged file open.
-            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                content = {key: file[key] for key in file.files}
-        except (ValueError, EOFError, AttributeError, TypeError, BadZipFile):
-            raise input_error(str(path), "a shape model (.npz)", "another kind of file") from None
+        content = read_arrays(path, "a shape model (.npz)")
         version = content.get("version")
         if version is None or version.shape != () or version.dtype.kind != "i":
             raise input_error(str(path), "a shape model (.npz)", f"an .npz of {sorted(content)}")
@@ -265,10 +260,13 @@ class ShapeModel(Value):
             raise input_error(str(path), f"version {FILE_VERSION} or older", f"{version}; update groundpose")
         try:
             arrays = {key: content[key] for key in ARRAYS if key in _ALWAYS or key in content}
-            names, name = tuple(content["keypoint_names"].tolist()), str(content["name"])
+            listed, name = content["keypoint_names"].tolist(), str(content["name"])
         except KeyError as error:
             raise input_error(str(path), f"an array {error}", sorted(content)) from None
-        return cls(**arrays, keypoint_names=names, name=name)
+        try:
+            return cls(**arrays, keypoint_names=listed, name=name)
+        except (InputError, TypeError) as error:
+            raise InputError(f"{path}: {error}") from None
 
 
 def extent(points: FloatArray) -> FloatArray:

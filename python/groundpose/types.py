@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from groundpose import _core
 from groundpose._checks import (
     FloatArray,
+    describe,
     finite,
     float_array,
     input_error,
@@ -35,8 +36,9 @@ class Camera(Value):
         fx, fy: focal lengths in pixels, positive.
         cx, cy: principal point in pixels.
         distortion: coefficients of the lens model, undone on the way in; `k1, k2, p1, p2[, k3]` of OpenCV's
-            model, its 8, 12 or 14 with `lens="rational"`, the four of its fisheye with `lens="equidistant"`.
-            None: no lens.
+            model, its 8, 12 or 14 with `lens="rational"`, the four of its fisheye with `lens="equidistant"`,
+            `xi, alpha` with "double_sphere", `xi, k1, k2, p1, p2` with "omnidirectional", `omega` with
+            "field_of_view". None: no lens.
         image_size: `(width, height)` in pixels; tells which box sides are cut by the image border.
         lens: the lens model, a name in `groundpose.lens.LENSES`.
 
@@ -133,12 +135,27 @@ class Camera(Value):
         """Directions (..., 3), with z = 1, of undistorted pixels (..., 2): the inverse of `project`."""
         return _row_by_row("pixels", pixels, 2, self._handle.rays)
 
+    def image_of(self, points_camera: ArrayLike) -> FloatArray:
+        """Pixels (..., 2) at which the picture shows points (..., 3) of the camera frame, through the lens.
+
+        A wide lens shows points beside the camera and behind it, too. NaN: not shown, behind the camera or
+        beyond the limit of the lens model.
+        """
+        return _row_by_row("points_camera", points_camera, 3, self._handle.image_of)
+
+    def directions_of(self, pixels: ArrayLike) -> FloatArray:
+        """Directions (..., 3), of length 1 in the camera frame, of what the picture shows at pixels (..., 2),
+        through the lens: the inverse of `image_of`; NaN where the lens shows nothing."""
+        return _row_by_row("pixels", pixels, 2, self._handle.directions_of)
+
     def undistort(self, pixels: ArrayLike) -> FloatArray:
-        """Pixels (N, 2) as an ideal lens would show them; NaN where the distortion cannot be undone."""
+        """Pixels (N, 2) as an ideal lens would show them; NaN where the distortion cannot be undone, and 90
+        degrees and more from the optical axis, which `directions_of` knows."""
         return self._handle.undistort(shaped("pixels", pixels, ("N", 2)))
 
     def distort(self, pixels: ArrayLike) -> FloatArray:
-        """Pixels (N, 2) of an ideal lens where this lens shows them: the inverse of `undistort`."""
+        """Pixels (N, 2) of an ideal lens where this lens shows them: the inverse of `undistort`; NaN beyond
+        the limit of a wide lens."""
         return self._handle.distort(shaped("pixels", pixels, ("N", 2)))
 
 
@@ -221,4 +238,7 @@ def _row_by_row(
 def _image_size(value: object) -> tuple[int, int]:
     if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != 2:
         raise type_error("image_size", "(width, height)", value)
-    return integer("image_size", value[0]), integer("image_size", value[1])
+    width, height = (integer("image_size", side) for side in value)
+    if not max(width, height) < 2**31:
+        raise input_error("image_size", "at most 2**31 - 1 pixels", f"{describe(width)}, {describe(height)}")
+    return width, height

@@ -90,9 +90,18 @@ pub(crate) struct Batch<'a, O: ?Sized> {
 }
 
 impl<O: Objects + ?Sized> Batch<'_, O> {
-    /// The answers of the objects from `first` on.
-    pub(crate) fn on_this_thread(&self, workspace: &mut GrowingWorkspace, first: usize, mut answers: impl Answers) {
+    /// The answers of the objects from `first` on, as long as `go_on` says so between two of them.
+    pub(crate) fn on_this_thread(
+        &self,
+        workspace: &mut GrowingWorkspace,
+        first: usize,
+        mut answers: impl Answers,
+        mut go_on: impl FnMut() -> bool,
+    ) {
         for k in 0..answers.len() {
+            if !go_on() {
+                return;
+            }
             let i = first + k;
             let answer = self.objects.observe(i, |observation| {
                 let buffers = workspace.grown(observation.keypoints_2d().len());
@@ -103,14 +112,14 @@ impl<O: Objects + ?Sized> Batch<'_, O> {
     }
 
     /// The same on the threads of the current pool.
-    pub(crate) fn on_threads(&self, first: usize, answers: impl Answers) {
+    pub(crate) fn on_threads(&self, first: usize, answers: impl Answers, go_on: &(impl Fn() -> bool + Sync + ?Sized)) {
         let objects = answers.len();
         if objects <= OBJECTS_PER_TASK {
-            return self.on_this_thread(&mut GrowingWorkspace::new(), first, answers);
+            return self.on_this_thread(&mut GrowingWorkspace::new(), first, answers, go_on);
         }
         let half = (objects / 2).next_multiple_of(OBJECTS_PER_TASK);
         let (these, others) = answers.split_at(half);
-        rayon::join(|| self.on_threads(first, these), || self.on_threads(first + half, others));
+        rayon::join(|| self.on_threads(first, these, go_on), || self.on_threads(first + half, others, go_on));
     }
 }
 
@@ -150,7 +159,7 @@ impl Estimator {
         observations: &[Observation],
     ) -> Result<Vec<Result<Estimate, NoPose>>, InputError> {
         let mut answers = vec![Err(NoPose::InvalidInput); observations.len()];
-        self.batch(view, observations)?.on_threads(0, &mut answers[..]);
+        self.batch(view, observations)?.on_threads(0, &mut answers[..], &|| true);
         Ok(answers)
     }
 
@@ -190,7 +199,7 @@ impl Estimator {
         frame_tilt_sigma: f64,
     ) -> Result<(FrameTilt, Vec<Result<Estimate, NoPose>>), InputError> {
         let frame = self.frame_tilt(view, observations.len(), frame_tilt_sigma, |free, axes| {
-            free.batch(view, observations)?.on_threads(0, axes);
+            free.batch(view, observations)?.on_threads(0, axes, &|| true);
             Ok::<(), InputError>(())
         })?;
         let estimates = self.estimate_batch(&frame.view, observations)?;

@@ -2,9 +2,9 @@
 
 use crate::error::{EstimateError, Got, InputError, NoPose, require};
 use crate::estimate::describe::Estimate;
-use crate::estimate::object::Object;
 use crate::estimate::options::{Options, Solver};
-use crate::estimate::pipeline;
+use crate::estimate::pipeline::estimate_ideal;
+use crate::estimate::wide::estimate_wide;
 use crate::estimate::workspace::{Buffers, Workspace};
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
@@ -122,26 +122,17 @@ impl Estimator {
         mut buffers: Buffers,
         index: u64,
     ) -> Result<Estimate, NoPose> {
-        if view.camera.lens.is_none() {
-            return self.estimate_ideal(view, observation, buffers, index);
+        let Some(lens) = view.camera.lens else {
+            return estimate_ideal(view, observation, &self.options, index, buffers);
+        };
+        if lens.is_wide() {
+            return estimate_wide(view, observation, &self.options, index, buffers);
         }
         let pixels = core::mem::take(&mut buffers.pixels);
         for (pixel, &distorted) in pixels.iter_mut().zip(observation.keypoints_2d()) {
             *pixel = view.camera.undistort(distorted).unwrap_or([f64::NAN; 2]);
         }
         let bbox = observation.bbox().map(|bbox| view.undistort_bbox(view.uncut_bbox(bbox)));
-        self.estimate_ideal(&view.ideal(), &observation.seen_ideally(pixels, bbox), buffers, index)
-    }
-
-    /// Without distortion.
-    fn estimate_ideal(
-        &self,
-        view: &View,
-        observation: &Observation,
-        buffers: Buffers,
-        index: u64,
-    ) -> Result<Estimate, NoPose> {
-        let (object, mut memory) = Object::gather(view, observation, &self.options, index, buffers)?;
-        pipeline::estimate(&object, &mut memory)
+        estimate_ideal(&view.ideal(), &observation.seen_ideally(pixels, bbox), &self.options, index, buffers)
     }
 }

@@ -7,15 +7,36 @@ use crate::error::NoPose;
 use crate::estimate::attempt::Attempt;
 use crate::estimate::describe::{Estimate, describe};
 use crate::estimate::object::{Memory, Object};
+use crate::estimate::options::Options;
 use crate::estimate::refine::refine;
 use crate::estimate::search::search;
 use crate::estimate::verify::{Verified, better, verify};
+use crate::estimate::workspace::Buffers;
+use crate::geometry::view::View;
+use crate::model::observation::Observation;
+
+/// The pose of what is seen through an ideal lens. A call of its own: whatever lens it comes through, this is on the stack
+/// once.
+///
+/// # Errors
+/// The data has no answer.
+#[inline(never)]
+pub(crate) fn estimate_ideal(
+    view: &View,
+    observation: &Observation,
+    options: &Options,
+    index: u64,
+    buffers: Buffers,
+) -> Result<Estimate, NoPose> {
+    let (object, mut memory) = Object::gather(view, observation, options, index, buffers)?;
+    estimate(&object, &mut memory)
+}
 
 /// The pose of one object.
 ///
 /// # Errors
 /// The data has no answer.
-pub(crate) fn estimate(object: &Object, memory: &mut Memory) -> Result<Estimate, NoPose> {
+fn estimate(object: &Object, memory: &mut Memory) -> Result<Estimate, NoPose> {
     let attempt = Attempt::first(object);
     let first = answer(object, &attempt, None, memory);
     // Where chance explains it nearly as well, without the box: all poses are compared by the same noise.

@@ -28,6 +28,20 @@ pub struct Buffers<'a> {
     pub(crate) pixels: &'a mut [[f64; 2]],
 }
 
+impl Buffers<'_> {
+    /// The same buffers for one of several runs.
+    pub(crate) fn lend(&mut self) -> Buffers<'_> {
+        Buffers {
+            blocks: &mut *self.blocks,
+            visible: &mut *self.visible,
+            order: &mut *self.order,
+            scratch: &mut *self.scratch,
+            residuals: &mut *self.residuals,
+            pixels: &mut *self.pixels,
+        }
+    }
+}
+
 /// Something that can lend buffers for `keypoints` keypoints.
 ///
 /// ```

@@ -48,4 +48,46 @@ impl Bbox {
         let longer = (self.right - self.left).max(self.bottom - self.top);
         longer.is_finite().then_some(longer)
     }
+
+    /// The box without the sides that another one does not know.
+    pub(crate) fn known_where(&self, other: &Self) -> Self {
+        let unless = |other: f64, side: f64| if other.is_nan() { other } else { side };
+        Self {
+            left: unless(other.left, self.left),
+            top: unless(other.top, self.top),
+            right: unless(other.right, self.right),
+            bottom: unless(other.bottom, self.bottom),
+        }
+    }
+
+    /// Column and row of its middle; NaN where a side is not known.
+    pub(crate) fn middle(&self) -> [f64; 2] {
+        [0.5 * (self.left + self.right), 0.5 * (self.top + self.bottom)]
+    }
+
+    /// The box after each side moved as its middle does; a side whose middle goes nowhere becomes unknown. `fallback`:
+    /// where a middle is taken to be along an axis of which no side is known.
+    pub(crate) fn moved_by_middles(&self, fallback: [f64; 2], moved: impl Fn([f64; 2]) -> Option<[f64; 2]>) -> Self {
+        // An unknown side does not tell where the middle of its neighbours is: theirs is taken at the other end.
+        let middle = |a: f64, b: f64, fallback: f64| {
+            let m = 0.5 * (a + b);
+            if !m.is_nan() {
+                m
+            } else if !a.is_nan() {
+                a
+            } else if !b.is_nan() {
+                b
+            } else {
+                fallback
+            }
+        };
+        let (u, v) = (middle(self.left, self.right, fallback[0]), middle(self.top, self.bottom, fallback[1]));
+        let side = |pixel: [f64; 2], axis: usize| moved(pixel).map_or(f64::NAN, |p| p[axis]);
+        Self {
+            left: side([self.left, v], 0),
+            top: side([u, self.top], 1),
+            right: side([self.right, v], 0),
+            bottom: side([u, self.bottom], 1),
+        }
+    }
 }

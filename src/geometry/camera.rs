@@ -75,11 +75,9 @@ impl Camera {
     /// ```
     ///
     /// # Errors
-    /// A coefficient that is not finite.
+    /// A coefficient that is not finite or that the model cannot have.
     pub fn with_lens(mut self, lens: Lens) -> Result<Self, InputError> {
-        for &c in lens.coefficients() {
-            require(c.is_finite(), "distortion", "finite numbers", Got::Number(c))?;
-        }
+        lens.check()?;
         self.lens = (!lens.is_ideal()).then_some(lens);
         Ok(self)
     }
@@ -170,7 +168,7 @@ impl Camera {
     }
 
     /// The pixel an ideal lens would have made of a distorted pixel; `None` beyond the radius at which the lens model
-    /// folds over.
+    /// folds over, and 90 degrees and more from the axis.
     #[must_use]
     pub fn undistort(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         match self.lens {
@@ -179,12 +177,45 @@ impl Camera {
         }
     }
 
-    /// The pixel this lens makes of an ideal pixel: the inverse of [`Camera::undistort`].
+    /// The pixel this lens makes of an ideal pixel: the inverse of [`Camera::undistort`]. Not a number beyond the limit of
+    /// a lens of rays.
     #[must_use]
     pub fn distort(&self, pixel: [f64; 2]) -> [f64; 2] {
         match self.lens {
             None => pixel,
             Some(lens) => self.pixel(lens.distort(self.normalised(pixel))),
+        }
+    }
+
+    /// The pixel at which the camera shows a point of its frame, through its lens; `None` where it does not: behind the
+    /// camera or, of a lens that sees farther, beyond its limit.
+    ///
+    /// ```
+    /// use groundpose::geometry::lens::equidistant::Equidistant;
+    /// use groundpose::{Camera, Lens};
+    ///
+    /// let fisheye = Camera::new(400.0, 400.0, 960.0, 960.0)?.with_lens(Lens::Equidistant(Equidistant::new([0.0; 4])))?;
+    /// let beside = [3.0, 0.0, -0.1].into();
+    /// let pixel = fisheye.image_of(&beside).expect("92 degrees from the axis");
+    /// assert!((fisheye.direction_of(pixel).unwrap().cross(&beside)).norm() < 1e-12);
+    /// assert_eq!(fisheye.project(&beside), None);
+    /// # Ok::<(), groundpose::InputError>(())
+    /// ```
+    #[must_use]
+    pub fn image_of(&self, point: &Vector3<f64>) -> Option<[f64; 2]> {
+        match self.lens {
+            None => self.project(point),
+            Some(lens) => lens.image_of(point).map(|seen| self.pixel(seen)),
+        }
+    }
+
+    /// Direction, of length one in the camera frame, of what the camera shows at a pixel, through its lens; `None` where
+    /// the lens shows nothing. The inverse of [`Camera::image_of`].
+    #[must_use]
+    pub fn direction_of(&self, pixel: [f64; 2]) -> Option<Vector3<f64>> {
+        match self.lens {
+            None => self.ray(pixel).try_normalize(0.0),
+            Some(lens) => lens.ray_of(self.normalised(pixel)),
         }
     }
 }

@@ -3,7 +3,7 @@
 //! Transcendental functions always come from `libm`, so that a feature never changes a number.
 //! The square root is correctly rounded everywhere; with `std` it is one instruction.
 
-pub(crate) use libm::{atan, atan2, cos, exp, log, pow, sin, tan};
+pub(crate) use libm::{atan2, cos, exp, log, pow, sin, tan};
 
 #[cfg(feature = "std")]
 #[inline(always)]

@@ -4,6 +4,7 @@ pub mod bbox;
 pub mod camera;
 pub mod footprint;
 pub mod lens;
+pub(crate) mod local_view;
 pub(crate) mod math;
 pub mod pose;
 pub mod view;

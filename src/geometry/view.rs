@@ -204,27 +204,7 @@ impl View {
         if self.camera.lens.is_none() {
             return bbox;
         }
-        // An unknown side does not tell where the middle of its neighbours is: theirs is taken at the other end.
-        let middle = |a: f64, b: f64, fallback: f64| {
-            let m = 0.5 * (a + b);
-            if !m.is_nan() {
-                m
-            } else if !a.is_nan() {
-                a
-            } else if !b.is_nan() {
-                b
-            } else {
-                fallback
-            }
-        };
-        let (u, v) = (middle(bbox.left, bbox.right, self.camera.cx), middle(bbox.top, bbox.bottom, self.camera.cy));
-        let side = |pixel: [f64; 2], axis: usize| self.camera.undistort(pixel).map_or(f64::NAN, |p| p[axis]);
-        Bbox {
-            left: side([bbox.left, v], 0),
-            top: side([u, bbox.top], 1),
-            right: side([bbox.right, v], 0),
-            bottom: side([u, bbox.bottom], 1),
-        }
+        bbox.moved_by_middles([self.camera.cx, self.camera.cy], |pixel| self.camera.undistort(pixel))
     }
 
     /// Ray of a pixel in the ground frame, of length one in the bird's-eye view (paper, eq. 4).

@@ -197,6 +197,18 @@ impl<'a> ShapeModel<'a> {
         &self.footprint
     }
 
+    /// Factor and offset that take the footprint along an axis from the mean shape to the shape of a 3D box: it is
+    /// stretched with the box.
+    #[inline]
+    pub(crate) fn footprint_stretch(&self, [min, max]: &[[f64; 3]; 2], axis: usize) -> (f64, f64) {
+        if self.bbox_basis.is_empty() {
+            return (1.0, 0.0);
+        }
+        let [mean_min, mean_max] = &self.bbox_3d;
+        let factor = (max[axis] - min[axis]) / (mean_max[axis] - mean_min[axis]);
+        (factor, min[axis] - factor * mean_min[axis])
+    }
+
     /// Keypoint `i` of the shape with these coefficients (paper, sec. 3.3).
     #[inline]
     #[must_use]

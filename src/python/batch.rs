@@ -1,6 +1,9 @@
 //! `estimate_batch`: many objects, ragged as NaN rows, several models, the GIL released.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -21,8 +24,8 @@ use crate::geometry::bbox::Bbox;
 use crate::model::observation::{Observation, VIEWING_ANGLES};
 use crate::model::shape_model::ShapeModel;
 
-/// Objects between two looks for an interrupt; also bounds the memory beyond inputs and outputs.
-const OBJECTS_PER_BLOCK: usize = 2048;
+/// Time between two looks for an interrupt; an object takes microseconds, the slowest milliseconds.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// Everything the objects of a call share.
 struct Inputs<'a> {
@@ -105,35 +108,57 @@ pub(crate) fn estimate_batch<'py>(
     let dict = PyDict::new(py);
     if let Some(sigma) = frame_tilt_sigma {
         let frame = estimator.frame_tilt(&view, objects, sigma, |free, axes| {
-            estimate_in_blocks(py, free.batch(&view, &inputs)?, pool.as_deref(), axes)
+            estimate_all(py, &free.batch(&view, &inputs)?, pool.as_deref(), axes)
         })?;
         view = frame.view;
         add_tilt(&dict, &frame)?;
     }
-    estimate_in_blocks(py, estimator.batch(&view, &inputs)?, pool.as_deref(), outputs.rows())?;
+    estimate_all(py, &estimator.batch(&view, &inputs)?, pool.as_deref(), outputs.rows())?;
     outputs.add_to(&dict)?;
     Ok(dict)
 }
 
-/// All answers, with a look for an interrupt between blocks and the GIL released within.
-fn estimate_in_blocks(
+/// All answers, with the GIL released but for looks for an interrupt.
+fn estimate_all(
     py: Python<'_>,
-    batch: Batch<Inputs>,
+    batch: &Batch<Inputs>,
     pool: Option<&ThreadPool>,
-    mut rest: impl Answers,
+    answers: impl Answers,
 ) -> PyResult<()> {
-    let (mut first, mut workspace) = (0, GrowingWorkspace::new());
-    while rest.len() > 0 {
-        py.check_signals()?;
-        let count = OBJECTS_PER_BLOCK.min(rest.len());
-        let (these, others) = rest.split_at(count);
-        py.detach(|| match pool {
-            None => batch.on_this_thread(&mut workspace, first, these),
-            Some(pool) => pool.install(|| batch.on_threads(first, these)),
+    py.check_signals()?;
+    py.detach(|| match pool {
+        None => {
+            let (mut last, mut found) = (Instant::now(), Ok(()));
+            batch.on_this_thread(&mut GrowingWorkspace::new(), 0, answers, || {
+                if last.elapsed() >= LOOK {
+                    found = Python::attach(|py| py.check_signals());
+                    last = Instant::now();
+                }
+                found.is_ok()
+            });
+            found
+        }
+        Some(pool) => on_pool(pool, |go_on| batch.on_threads(0, answers, go_on)),
+    })
+}
+
+/// Work on the threads of a pool, which ask whether to go on while this one looks for an interrupt.
+fn on_pool(pool: &ThreadPool, work: impl FnOnce(&(dyn Fn() -> bool + Sync)) + Send) -> PyResult<()> {
+    let stopped = AtomicBool::new(false);
+    let (at_work, ended) = channel::<()>();
+    pool.in_place_scope(|scope| {
+        scope.spawn(|_| {
+            let _at_work = at_work; // let go of at the end, also by a panic
+            work(&|| !stopped.load(Relaxed));
         });
-        (rest, first) = (others, first + count);
-    }
-    Ok(())
+        while ended.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+            if let Err(interrupt) = Python::attach(|py| py.check_signals()) {
+                stopped.store(true, Relaxed);
+                return Err(interrupt);
+            }
+        }
+        Ok(())
+    })
 }
 
 /// Pitch and roll of a frame's view, and their covariance.

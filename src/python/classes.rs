@@ -14,6 +14,9 @@ use crate::geometry::lens::brown_conrady::BrownConrady;
 use crate::geometry::view::{Tilt, View};
 use crate::model::shape_model::ShapeModel;
 
+/// Rows between two looks for an interrupt: a hundredth of a second, in the slowest lens a tenth.
+const ROWS_PER_LOOK: usize = 1 << 16;
+
 #[pyclass(frozen, name = "Camera", module = "groundpose._core")]
 pub(crate) struct PyCamera(pub(crate) Camera);
 
@@ -79,16 +82,36 @@ impl PyCamera {
         py: Python<'py>,
         points_camera: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let points = rows::<3, _>("points_camera", &points_camera)?;
+        of_each(py, points, |p| self.0.project(&p.into()).unwrap_or([f64::NAN; 2]))
+    }
+
+    fn image_of<'py>(
+        &self,
+        py: Python<'py>,
+        points_camera: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let pixels: Vec<[f64; 2]> = rows::<3, _>("points_camera", &points_camera)?
             .iter()
-            .map(|&p| self.0.project(&p.into()).unwrap_or([f64::NAN; 2]))
+            .map(|&p| self.0.image_of(&p.into()).unwrap_or([f64::NAN; 2]))
             .collect();
         to_matrix(py, &pixels)
     }
 
+    fn directions_of<'py>(
+        &self,
+        py: Python<'py>,
+        pixels: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let directions: Vec<[f64; 3]> = rows::<2, _>("pixels", &pixels)?
+            .iter()
+            .map(|&p| self.0.direction_of(p).map_or([f64::NAN; 3], Into::into))
+            .collect();
+        to_matrix(py, &directions)
+    }
+
     fn rays<'py>(&self, py: Python<'py>, pixels: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let rays: Vec<[f64; 3]> = rows::<2, _>("pixels", &pixels)?.iter().map(|&p| self.0.ray(p).into()).collect();
-        to_matrix(py, &rays)
+        of_each(py, rows::<2, _>("pixels", &pixels)?, |p| self.0.ray(p).into())
     }
 
     fn undistort<'py>(
@@ -96,15 +119,26 @@ impl PyCamera {
         py: Python<'py>,
         pixels: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let undistorted: Vec<[f64; 2]> =
-            rows::<2, _>("pixels", &pixels)?.iter().map(|&p| self.0.undistort(p).unwrap_or([f64::NAN; 2])).collect();
-        to_matrix(py, &undistorted)
+        of_each(py, rows::<2, _>("pixels", &pixels)?, |p| self.0.undistort(p).unwrap_or([f64::NAN; 2]))
     }
 
     fn distort<'py>(&self, py: Python<'py>, pixels: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let distorted: Vec<[f64; 2]> = rows::<2, _>("pixels", &pixels)?.iter().map(|&p| self.0.distort(p)).collect();
-        to_matrix(py, &distorted)
+        of_each(py, rows::<2, _>("pixels", &pixels)?, |p| self.0.distort(p))
     }
+}
+
+/// A function of each row, with looks for an interrupt.
+fn of_each<'py, const N: usize, const M: usize>(
+    py: Python<'py>,
+    rows: &[[f64; N]],
+    function: impl Fn([f64; N]) -> [f64; M],
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let mut made = Vec::with_capacity(rows.len());
+    for block in rows.chunks(ROWS_PER_LOOK) {
+        py.check_signals()?;
+        made.extend(block.iter().map(|&row| function(row)));
+    }
+    to_matrix(py, &made)
 }
 
 #[pyclass(frozen, name = "View", module = "groundpose._core")]

@@ -119,23 +119,15 @@ impl PriorTerms<'_> {
         if !p.use_bbox || !s2.is_finite() {
             return None;
         }
-        let [min, max] = model.bbox_3d_of(&state.coefficients);
-        let stretch = |axis: usize| {
-            if model.bbox_basis().is_empty() {
-                return (1.0, 0.0);
-            }
-            let [mean_min, mean_max] = model.bbox_3d();
-            let factor = (max[axis] - min[axis]) / (mean_max[axis] - mean_min[axis]);
-            (factor, min[axis] - factor * mean_min[axis])
-        };
-        let (x, z) = (stretch(0), stretch(2));
+        let bbox_3d = model.bbox_3d_of(&state.coefficients);
+        let (x, z) = (model.footprint_stretch(&bbox_3d, 0), model.footprint_stretch(&bbox_3d, 2));
         let extremes = self.unit.run(Outermost {
             camera: &self.view.camera,
             pose: &state.pose,
             footprint: model.footprint().corners(),
             factor: [x.0, z.0],
             offset: [x.1, z.1],
-            heights: [min[1], max[1]],
+            heights: bbox_3d.map(|end| end[1]),
         });
         extremes.map(|extremes| Sides::new(&extremes, &p.bbox, square(BBOX_CUT) * s2, square(p.noise_sigma) / s2))
     }

@@ -1,15 +1,26 @@
 """The caller's mistakes get one clear error; bad data gets a status; nothing panics, hangs or lies."""
 
+import io
+import tempfile
+
 import groundpose as gp
 import numpy as np
 import pytest
 from conftest import CAMERA, MODEL, VIEW, make_batch
+from groundpose._checks import cores, threads
 from test_api import check_consistency
 
 GOOD = make_batch(4, seed=1)
 KP, BOX = GOOD.keypoints_2d, GOOD.bboxes
 SMALL = gp.ShapeModel(MODEL.keypoints_3d[:5], MODEL.bbox_3d)
 POINTS = MODEL.keypoints_3d
+
+
+class Unreadable:
+    """An array of another library."""
+
+    def __array__(self, *_: object) -> np.ndarray:
+        raise RuntimeError("on a device")
 
 
 def call(keypoints=KP, bboxes=BOX, models=MODEL, view=VIEW, **rest):
@@ -57,6 +68,28 @@ WRONG_VALUE = {
         lambda: call(keypoint_scores=[[1.0] * 24] * 3 + [[1.0]]),
         r"keypoint_scores\[3\]: .*\(24,\).*\(1,\)",
     ),
+    "fx of 400 digits": (lambda: gp.Camera(10**400, 1, 0, 0), "fx: .*too large"),
+    "cx of 5000 digits": (lambda: gp.Camera(1, 1, -(10**5000), 0), "cx: .*too large"),
+    "pitch of 400 digits": (lambda: gp.View(CAMERA, pitch=10**400), "pitch: .*too large"),
+    "distortion of 400 digits": (lambda: gp.Camera(1, 1, 0, 0, [10**400, 0, 0, 0, 0]), "distortion: .*too"),
+    "image_size of 5000 digits": (
+        lambda: gp.Camera(1, 1, 0, 0, image_size=(1, 10**5000)),
+        "image_size: .*cannot be printed",
+    ),
+    "keypoint of 400 digits": (lambda: call([[[10**400, 1.0]] * 24] * 4), r"keypoints_2d\[0\]: .*too large"),
+    "bbox of 5000 digits": (lambda: call(bboxes=[[0, 0, 10**5000, 1]] * 4), "bboxes: .*too large"),
+    "threads of 5000 digits below 0": (lambda: call(threads=-(10**5000)), "threads: "),
+    "seed of 5000 digits": (lambda: gp.Options(seed=10**5000), "seed: .*cannot be printed"),
+    "ragged thresholds": (
+        lambda: gp.Options(inlier_threshold=[[1.0], [1.0, 2.0]]),
+        "inlier_threshold: .*different lengths",
+    ),
+    "thresholds of 400 digits": (lambda: gp.Options(inlier_threshold=[10**400]), "inlier_threshold: .*too"),
+    "masked thresholds": (
+        lambda: gp.Options(inlier_threshold=np.ma.masked_array([1.0, 2.0], [True, False])),
+        "inlier_threshold: expected positive",
+    ),
+    "a file's name with a null byte": (lambda: gp.ShapeModel.load("a\0"), "expected a name of a file"),
     "threads 0": (lambda: call(threads=0), "threads: expected 1 or more"),
     "threads negative": (lambda: call(threads=-2), "threads: "),
     "thresholds of another count": (
@@ -154,6 +187,14 @@ WRONG_TYPE = {
     "keypoints objects": (lambda: call(KP.astype(object)), "keypoints_2d: .*dtype object"),
     "keypoints dict": (lambda: call({"a": 1}), "keypoints_2d: .*dict"),
     "one row of keypoints text": (lambda: call([["a"] * 24] * 4), r"keypoints_2d\[0\]: "),
+    "keypoints masked and complex": (
+        lambda: call(np.ma.masked_array(KP + 1j)),
+        "keypoints_2d: .*complex128",
+    ),
+    "keypoints masked text": (lambda: call(np.ma.masked_array(KP.astype(str))), "keypoints_2d: .*dtype <U"),
+    "keypoints of another library": (lambda: call(Unreadable()), "keypoints_2d: .*Unreadable: on a device"),
+    "threshold complex": (lambda: gp.Options(inlier_threshold=1j), "inlier_threshold: .*complex 1j"),
+    "thresholds complex": (lambda: gp.Options(inlier_threshold=[1j]), "inlier_threshold: "),
     "bboxes text": (lambda: call(bboxes="boxes"), "bboxes: "),
     "bboxes bool": (lambda: call(bboxes=np.ones((4, 4), bool)), "bboxes: .*bool"),
     "a model that is an array": (lambda: call(models=POINTS), "models: expected a ShapeModel"),
@@ -193,11 +234,62 @@ def test_mistakes_of_the_caller(case):
     assert len(str(caught.value)) < 300
 
 
+def test_masked_keypoints_are_not_seen():
+    masked = np.ma.masked_array(KP, np.zeros(KP.shape, bool))
+    masked[0, :5] = np.ma.masked
+    poses = call(masked)
+    assert np.isnan(poses.keypoints_2d[0, :5]).all()
+    np.testing.assert_array_equal(poses.keypoints_2d[1:], KP[1:])
+
+
+def test_threads_are_no_more_than_cores():
+    assert threads(20_000) == threads(10**5000) == cores() >= 1
+    assert call(threads=20_000).ok.all()
+
+
+def bytes_of(**arrays: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
+
+
+def model_of(**changes: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    with tempfile.TemporaryDirectory() as folder:
+        MODEL.save(f"{folder}/model.npz")
+        with np.load(f"{folder}/model.npz") as content:
+            np.savez(file, **dict(content) | changes)
+    return file.getvalue()
+
+
 NOT_MODELS = {
     "no such file": (None, OSError, "nothing.npz"),
     "text": (b"hello", gp.InputError, "expected a shape model"),
     "empty": (b"", gp.InputError, "expected a shape model"),
     "half a zip": (b"PK\x03\x04 and then", gp.InputError, "expected a shape model"),
+    "half a model": (model_of()[:-200], gp.InputError, "expected a shape model"),
+    "a model with a damaged array": (
+        model_of().replace(b"'descr'", b"'d[sc]'"),
+        gp.InputError,
+        "expected a shape model",
+    ),
+    "Python objects": (bytes_of(version=np.array([{}])), gp.InputError, "expected a shape model"),
+    "300 MB in 300 kB": (bytes_of(version=np.zeros(300_000_000, "b")), gp.InputError, "at most .* bytes"),
+    "numbers for names": (
+        model_of(keypoint_names=np.arange(24)),
+        gp.InputError,
+        "nothing.npz: keypoint_names: expected a sequence of str",
+    ),
+    "other names": (
+        model_of(keypoint_names=np.array(["a"])),
+        gp.InputError,
+        "nothing.npz: keypoint_names: expected 24",
+    ),
+    "complex keypoints": (
+        model_of(keypoints_3d=MODEL.keypoints_3d + 1j),
+        gp.InputError,
+        "nothing.npz: keypoints_3d: .*complex",
+    ),
 }
 
 

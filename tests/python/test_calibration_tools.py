@@ -140,6 +140,35 @@ mirror_parameters:
 distortion_parameters: {k1: 0.01, k2: 1.6, p1: 0.0, p2: 0.0}
 projection_parameters: {gamma1: 1336, gamma2: 1335, u0: 716, v0: 705}
 """
+SPHERES = gp.Camera(160.0, 160.5, 254.0, 257.0, (-0.18, 0.59), (512, 512), "double_sphere")
+MIRROR = gp.Camera(1336.0, 1335.0, 716.0, 705.0, (2.2, 0.01, 1.6, 0.0, 0.0), (1400, 1400), "omnidirectional")
+KALIBR_DS = """cam0:
+  camera_model: ds
+  intrinsics: [-0.18, 0.59, 160.0, 160.5, 254.0, 257.0]
+  distortion_model: none
+  distortion_coeffs: []
+  resolution: [512, 512]
+"""
+KALIBR_OMNI = """cam0:
+  camera_model: omni
+  intrinsics: [2.2, 1336.0, 1335.0, 716.0, 705.0]
+  distortion_model: radtan
+  distortion_coeffs: [0.01, 1.6, 0.0, 0.0]
+  resolution: [1400, 1400]
+"""
+_BASALT_DS = {"fx": 160.0, "fy": 160.5, "cx": 254.0, "cy": 257.0, "xi": -0.18, "alpha": 0.59}
+_BASALT_KB4 = {"fx": F, "fy": F, "cx": CX, "cy": CY, "k1": -0.02, "k2": 0.01, "k3": -0.008, "k4": 0.002}
+BASALT = {
+    "value0": {
+        "T_imu_cam": [{"px": 0.0, "qw": 1.0}] * 2,
+        "intrinsics": [
+            {"camera_type": "ds", "intrinsics": _BASALT_DS},
+            {"camera_type": "kb4", "intrinsics": _BASALT_KB4},
+        ],
+        "resolution": [[512, 512], [1280, 720]],
+        "calib_accel_bias": [0.0] * 9,
+    }
+}
 AUTOWARE = (
     "%YAML:1.0\n---\n"
     + opencv_matrix("CameraExtrinsicMat", 4, 4, [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0])
@@ -253,6 +282,19 @@ READ = {
     "stella_vslam by its name": (STELLA, "street", FISHEYE),
     "VINS": (VINS, None, BENT),
     "VINS, fisheye": (VINS_FISHEYE, None, FISHEYE),
+    "KITTI-360's and camodocal's MEI": (MEI, None, MIRROR),
+    "Kalibr, omni": (KALIBR_OMNI, None, MIRROR),
+    "Kalibr, ds": (KALIBR_DS, None, SPHERES),
+    "Kalibr, fov": (
+        KALIBR_DS.replace("ds", "pinhole")
+        .replace("[-0.18, 0.59, ", "[")
+        .replace("none", "fov")
+        .replace("[]", "[0.9]"),
+        None,
+        gp.Camera(160.0, 160.5, 254.0, 257.0, (0.9,), (512, 512), "field_of_view"),
+    ),
+    "Basalt, ds": (BASALT, "cam0", SPHERES),
+    "Basalt, kb4": (BASALT, "1", FISHEYE),
     "Autoware.AI": (AUTOWARE, None, BENT),
     "OpenCV's XML": (OPENCV_XML, None, BENT),
     "OpenCV's JSON": (OPENCV_JSON, None, BENT),
@@ -282,6 +324,11 @@ READ = {
     "COLMAP": (COLMAP, "1", BENT),
     "COLMAP, fisheye": (COLMAP, "2", FISHEYE),
     "COLMAP without a lens": (COLMAP, "7", IDEAL),
+    "COLMAP, FOV": (
+        f"1 FOV 1280 720 {F} {F} {CX + 0.5} {CY + 0.5} 0.9\n",
+        None,
+        gp.Camera(F, F, CX, CY, (0.9,), SIZE, "field_of_view"),
+    ),
     "Open3D": (OPEN3D, None, IDEAL),
     "RealSense": (REALSENSE, None, IDEAL),
     "RealSense's streams": ({"color": REALSENSE, "depth": {**REALSENSE, "fx": 600}}, "color", IDEAL),
@@ -317,6 +364,7 @@ def test_the_table_names_each_format_once():
     ("content", "names"),
     [
         (KALIBR, "cam0, cam1"),
+        (BASALT, "value0 cam0, value0 cam1"),
         (KITTI_360, "K_01, P_rect_01, P_rect_00"),
         (COLMAP, "1, 2, 7"),
         (STEREO, "1, 2"),
@@ -438,10 +486,24 @@ REFUSED = {
     "skew": ({"K": [[F, 3.0, CX], *K[1:]]}, "K: K: expected .* without skew"),
     "skew of KITTI": (f"P0: 1 0\nP2: {F} -0.2 {CX} 0 0 {F} {CY} 0 0 0 1 0\n", ":2: P2: K: .* without skew"),
     "short line of KITTI": ("P2: 1 2 3\n", ":1: P2: expected twelve numbers"),
-    "omnidirectional": (MEI, "mirror_parameters: expected a pinhole camera or a fisheye"),
+    "xi without a model": ({"K": K, "xi": 1.2, "D": [0.0] * 4}, "xi: expected a pinhole camera or a fisheye"),
     "omnidirectional Kalibr": (
         KALIBR.partition("cam1")[0].replace("pinhole", "omni"),
-        "cam0.camera_model: expected one of plumb_bob",
+        "cam0.intrinsics: expected xi, fu, fv, pu, pv of the camera model omnidirectional, got 4",
+    ),
+    "omni with a fisheye": (
+        KALIBR_OMNI.replace("radtan", "equidistant"),
+        "cam0: expected k1, k2, p1, p2 of radtan as the distortion",
+    ),
+    "ds with a distortion": (
+        KALIBR_DS.replace("none", "radtan").replace("[]", "[0.1, 0.0, 0.0, 0.0]"),
+        "cam0: expected none as the distortion of the lens model double_sphere",
+    ),
+    "ds beyond its range": (KALIBR_DS.replace("0.59", "1.59"), "cam0.intrinsics: .*alpha from 0 to 1"),
+    "eucm": (KALIBR_DS.replace("ds", "eucm"), "cam0.camera_model: expected one of plumb_bob"),
+    "eucm of Basalt": (
+        {"value0": {**BASALT["value0"], "intrinsics": [{"camera_type": "eucm", "intrinsics": _BASALT_DS}]}},
+        "camera_type: expected one of pinhole, kb4",
     ),
     "two models": (
         f"fisheye_model: 1\ndistortion_model: plumb_bob\n{OPENCV_K}",
@@ -490,7 +552,10 @@ REFUSED = {
     "broken XML": ("<opencv_storage>\n<a>\n", "camera.any:3: expected XML"),
     "an entity": ('<!DOCTYPE x [<!ENTITY a "b">]>\n<opencv_storage/>', "XML without a DOCTYPE"),
     "another XML": ("<annotation><size/></annotation>", "expected a calibration"),
-    "COLMAP's model": ("1 FOV 1280 720 1 1 1 1 1\n", ":1: MODEL: expected one of SIMPLE_PINHOLE.*got FOV"),
+    "COLMAP's model": (
+        "1 THIN_PRISM_FISHEYE 1280 720 1 1 1 1 1\n",
+        ":1: MODEL: expected one of SIMPLE_PINHOLE.*got THIN",
+    ),
     "COLMAP's count": ("1 PINHOLE 1280 720 1 1 1\n", ":1: PARAMS: expected 4 numbers"),
     "half a pixel": ({"K": K, "width": 1280.5, "height": 720}, "width: expected a whole number of pixels"),
     "CARLA's lens": ({**CARLA, "lens_kcube": 0.2}, "lens_kcube: expected 0, CARLA's default"),

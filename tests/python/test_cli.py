@@ -244,7 +244,7 @@ MISTAKES = {
     "a flag": (["frame.json", "--no-pictures"], "--no-pictures: is for images"),
     "unknown format": (
         ["frame.json", "--format", "xml"],
-        "--format: expected jsonl, kitti, table, got 'xml'",
+        "--format: expected jsonl, kitti, table, csv, parquet, got 'xml'",
     ),
     "bad option value": (["frame.json", "--confidence", "2"], "confidence: expected a probability"),
     "unknown solver": (["frame.json", "--solver", "p9p"], "solver: expected one of auto, p1p"),

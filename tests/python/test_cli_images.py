@@ -102,7 +102,8 @@ def everything() -> set[str]:
 
 def test_one_image_gives_its_line_and_its_picture(street, model):
     result = estimate(model, "--calib", "camera.json", "-o", "o.jsonl")
-    assert (result.exit_code, result.stderr, result.stdout) == (0, "", "")
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert result.stderr.startswith("1 image, 1 vehicle, 1 pose, o.jsonl, ")
     (line,) = lines("o.jsonl")
     assert (line["id"], line["image"]) == ("street", "street.png")
     assert line["pitch_deg"] == pytest.approx(CALIBRATION["pitch_deg"])
@@ -202,7 +203,8 @@ def test_a_folder_loses_only_what_is_bad(drive, model, undrawn):
         ("000003", 2),
     ]
     assert {path.name for path in Path("out").glob("*.png")} == {f"00000{i}_poses.png" for i in (0, 1, 3)}
-    errors = result.stderr.splitlines()
+    *errors, summary = result.stderr.splitlines()
+    assert summary.startswith("3 images, 6 vehicles, 6 poses, out/poses.jsonl, ")
     assert errors == [
         "error: images/000002.png: expected a picture, got another kind of file",
         "error: boxes: expected a file 000009.*, got none",
@@ -240,6 +242,42 @@ def test_a_folder_with_one_file_for_all(drive, model):
     assert texts["000003.txt"].endswith(" 0.3000\n")  # the detector's score
     assert "left out: 2 x score below 0.15" in result.stderr
     assert "coco.json: expected boxes of 000009.png, got none" in result.stderr
+
+
+def test_no_folder_that_is_read_is_written_onto(drive, model, undrawn):
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    arguments = ("--calib", "calib", "--no-pictures", "--format", "kitti")
+    for folder in ("boxes", "calib"):
+        result = estimate(model, *arguments, "-o", folder, source="images", boxes="boxes")
+        assert result.exit_code == 2
+        assert f"{folder}/000000.txt is an input; give another folder" in result.stderr
+    picture(drive / "images" / "000000_poses.png")
+    before[Path("images/000000_poses.png")] = Path("images/000000_poses.png").read_bytes()
+    result = estimate(model, "--calib", "calib", "-o", "images", source="images", boxes="boxes")
+    assert "images/000000_poses.png is an input" in result.stderr
+    assert all(path.read_bytes() == content for path, content in before.items())
+
+
+def test_strict_asks_for_a_pose_of_every_box(drive, model, undrawn):
+    for name in ("000002.png", "000009.png"):
+        Path("images", name).unlink()
+    arguments = ("--calib", "calib", "-o", "out")
+    assert estimate(model, *arguments, source="images", boxes="boxes").exit_code == 0
+    assert estimate(model, *arguments, "--strict", source="images", boxes="boxes").exit_code == 1
+    for i in (0, 1, 3):
+        dump(f"boxes/00000{i}.txt", kitti(("Car", BOX)))
+    assert estimate(model, *arguments, "--strict", source="images", boxes="boxes").exit_code == 0
+
+
+def test_a_table_of_images_has_what_the_network_says(street, model, undrawn):
+    result = estimate(model, "--calib", "camera.json", "-o", "out", "--format", "csv")
+    assert result.exit_code == 0, result.output
+    rows = [line.split(",") for line in Path("out/poses.csv").read_text().splitlines()]
+    row = dict(zip(*rows, strict=True))
+    assert (row["frame"], row["image"], row["object"], row["class"]) == ("street", "street.png", "0", "car")
+    assert float(row["class_probability"]) == pytest.approx(0.7)
+    assert 0.0 < float(row["vehicle_probability"]) <= 1.0
+    np.testing.assert_allclose([float(row[axis]) for axis in "xyz"], T, atol=0.2)
 
 
 def test_objects_that_cannot_be_are_kept_with_their_status(street, model, undrawn):
@@ -286,7 +324,7 @@ MISTAKES = {
     "no boxes in it": ({"boxes": "camera.json"}, "camera.json: expected 2D boxes"),
     "no calibration": (
         {"calib": None},
-        "--calib: expected a file with the camera, which the file of boxes does not have",
+        "--calib: expected a file with the camera, which the boxes do not have",
     ),
     "no such calibration": ({"calib": "none.txt"}, "none.txt: No such file"),
     "another file": ({"calib": "boxes.json"}, "boxes.json: expected a calibration"),
@@ -343,49 +381,6 @@ def test_without_a_bundled_network_it_says_what_to_do(street, monkeypatch):
     result = run("estimate", "street.png", "--boxes", "boxes.json", "--calib", "camera.json")
     assert result.exit_code == 2
     assert "give the file of one" in one_line(result)
-
-
-def frames_of(count: int):
-    return [np.full((SIZE[1], SIZE[0], 3), 100 + i, dtype=np.uint8) for i in range(count)]
-
-
-def test_a_video_is_a_row_of_numbered_images(street, model, undrawn, monkeypatch):
-    monkeypatch.setattr(cli_inputs, "_VIDEO_READERS", {"json": lambda path: iter(frames_of(3))})
-    dump("drive.mp4", "")
-    rows = [{"image_id": i, "bbox": [100, 100, 80, 60]} for i in range(3)]
-    dump("boxes.json", rows)
-    result = estimate(model, "--calib", "camera.json", "-o", "out", source="drive.mp4")
-    assert result.exit_code == 0, result.stderr
-    assert [line["id"] for line in lines("out/poses.jsonl")] == [0, 1, 2]
-    assert {path.name for path in Path("out").glob("*.png")} == {f"00000{i}_poses.png" for i in range(3)}
-
-
-def test_a_video_that_nothing_reads(street, model, monkeypatch):
-    dump("drive.mp4", "no video")
-    dump("boxes.json", [{"image_id": 0, "bbox": [100, 100, 80, 60]}])
-    monkeypatch.setattr(cli_inputs, "_VIDEO_READERS", {"json": lambda path: iter(())})
-    result = estimate(model, "--calib", "camera.json", source="drive.mp4")
-    assert "drive.mp4: expected a video, got a file without frames" in one_line(result)
-    monkeypatch.setattr(cli_inputs, "_VIDEO_READERS", {"no_such_package": None})
-    result = estimate(model, "--calib", "camera.json", source="drive.mp4")
-    assert result.exit_code == 2
-    assert "give a folder of its frames" in one_line(result)
-
-
-def test_opencv_gives_red_green_blue(tmp_path):
-    cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed")
-    path = tmp_path / "red.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, (64, 48))
-    if not writer.isOpened():
-        pytest.skip("this OpenCV writes no videos")
-    red = np.zeros((48, 64, 3), np.uint8)
-    red[..., 2] = 200
-    for _ in range(3):
-        writer.write(red)
-    writer.release()
-    frames = list(cli_inputs.video(path))
-    assert len(frames) == 3
-    assert frames[0].mean(axis=(0, 1)).argmax() == 0
 
 
 def test_a_camera_of_several_is_named_and_a_field_of_view_needs_no_file(street, model):

@@ -98,6 +98,26 @@ def test_a_box_partly_behind_the_camera_is_cut():
     assert segment(VIEW, ends * [1, 1, -1] - [0, 0, 5]) is None
 
 
+def test_lines_through_a_wide_lens_are_bent_and_end_where_it_does():
+    """A straight edge beside the camera; one that goes on behind it, where this lens shows nothing."""
+    camera = gp.Camera(300.0, 300.0, 639.5, 479.5, (-0.18, 0.59), (1280, 960), "double_sphere")
+    view = gp.View(camera)
+    line = segment(view, np.array([[2.0, 1.0, -1.0], [2.0, 1.0, 3.0]]))
+    assert np.isfinite(line).all()
+    np.testing.assert_allclose(line[[0, -1]], camera.image_of([[2.0, 1.0, -1.0], [2.0, 1.0, 3.0]]))
+    chord = np.linspace(line[0], line[-1], len(line))
+    assert np.linalg.norm(line - chord, axis=1).max() > 20.0
+    broken = segment(view, np.array([[2.0, 1.0, 3.0], [2.0, 1.0, -9.0]]))
+    assert np.isfinite(broken[0]).all()
+    assert np.isnan(broken[-1]).all()
+    assert segment(view, np.array([[0.1, 0.0, -9.0], [0.3, 0.1, -12.0]])) is None
+    for place, whole in (([5.0, 1.5, 0.0], True), ([0.3, 1.5, -6.0], False)):
+        lines = box_lines(view, dataclasses.replace(POSES[0], R=rotation_y(np.array(0.7)), t=np.array(place)))
+        assert (lines.area is not None) is whole
+        shown = [part for part in lines.front + lines.others if np.isfinite(part).all()]
+        assert (len(shown) == 12) is whole
+
+
 def test_the_front_is_the_end_the_object_looks_at():
     """Of a car that drives away it is the far face of the box, of an oncoming one the near face."""
     for yaw, towards in ((0.0, False), (np.pi, True)):

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import groundpose as gp
 import numpy as np
 import pytest
-from conftest import MODEL, assert_same, make_batch
+from conftest import MODEL, VIEW, assert_same, make_batch
 
 SHAPED = gp.ShapeModel(
     MODEL.keypoints_3d, MODEL.bbox_3d, np.random.default_rng(0).normal(size=(1, 24, 3)) / 8.0, [0.1]
@@ -124,6 +124,45 @@ def test_ctrl_c_stops_a_long_batch():
         with pytest.raises(KeyboardInterrupt):
             gp.estimate_poses(batch.view, keypoints, boxes, MODEL, threads=1)
         assert time.perf_counter() - start < 0.5 * whole
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, previous)
+
+
+def slow_objects(threads: int) -> None:
+    """Nothing but wrong keypoints, without the ground: a thousand times as slow as usual objects."""
+    keypoints = np.random.default_rng(0).uniform(0.0, 1280.0, (4000, 24, 2))
+    options = gp.Options(solver="p3p", refinement="none")
+    gp.estimate_poses(VIEW, keypoints, None, MODEL, None, options, threads=threads)
+
+
+def many_pixels(_: int) -> None:
+    fisheye = gp.Camera(600, 600, 640, 360, (-0.02, 0.01, -0.008, 0.002), lens="equidistant")
+    fisheye.undistort(np.random.default_rng(0).uniform(0.0, 1280.0, (5_000_000, 2)))
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no interval timer")
+@pytest.mark.parametrize(
+    ("work", "threads"),
+    [(slow_objects, 1), (slow_objects, 2), (many_pixels, 1)],
+    ids=["one thread", "two threads", "pixels"],
+)
+def test_ctrl_c_is_looked_for_all_the_time(work, threads):
+    """In one call each of several seconds."""
+    raised = []
+
+    def interrupt(*_: object) -> None:
+        raised.append(time.perf_counter())
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        asked = time.perf_counter() + 0.3
+        with pytest.raises(KeyboardInterrupt):
+            work(threads)
+        assert raised[0] - asked < 0.2
+        assert time.perf_counter() - asked < 1.0
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, previous)

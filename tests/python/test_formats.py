@@ -132,7 +132,7 @@ BAD_FIELDS = {
     "camera.lens": ("fisheye", "camera: lens: expected one of brown_conrady"),
     "camera.distortion": ([1, 2], "camera.distortion: expected a list of 4 or 5 numbers, got [1, 2]"),
     "camera.image_size": ([0, 5], "camera: image_size: expected positive"),
-    "pitch_deg": (95, "pitch: expected radians"),
+    "pitch_deg": (95, "pitch_deg: expected degrees between -90 and 90, got 95"),
     "roll_deg": ([1], "roll_deg: expected a finite number"),
     "gravity": ([0, 1, 0], "pitch_deg: expected gravity or angles, got both"),
     "camera_height": (-2, "height: expected a positive"),

@@ -12,13 +12,16 @@ PACKAGE = Path(groundpose.__file__).parent
 
 # From the ground to the roof. A room is a file or a folder of the package; "" is `groundpose` itself.
 ROOMS = (
-    *("_core", "_checks", "_value", "lens", "calibration", "options", "types", "plausibility", "shape"),
-    *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road"),
-    *("draw", "formats", "estimate", "camera_profile", "self_calibration", "keypoints", "", "demo", "cli"),
+    *("_core", "_checks", "_npz", "_writing", "_value", "lens", "calibration", "options", "types"),
+    *("plausibility", "shape"),
+    *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road", "tracking"),
+    *("draw", "formats", "estimate", "camera_profile", "self_calibration"),
+    *("keypoints", "detector", "", "demo", "cli"),
     *(
         "lab",
         "lab.data",
         "lab.metrics",
+        "lab.processes",
         "lab.timing",
         "lab.targets",
         "lab.bodies",
@@ -103,7 +106,7 @@ IMPORTS = {name: set() if name == "_core" else imports(name) for name in FILES}
 
 def is_door(name: str, to: str) -> bool:
     if (name, to) in DOORS or (
-        name == "" and to.startswith("keypoints.")
+        name == "" and room(to) in ("keypoints", "detector")
     ):  # the front door opens its rooms late
         return True
     return room(name) == "cli" and name.removeprefix("cli.") in COMMANDS and room(to).startswith("lab")

@@ -22,7 +22,8 @@ IMAGE[:, 480:] = 20
 BRIGHT, BESIDE = BOX.tolist(), (BOX - [20.0, 0.0, 20.0, 0.0]).tolist()
 DARK, OUTSIDE = [500.0, 100.0, 600.0, 180.0], [900.0, 0.0, 950.0, 40.0]
 BOXES = [BRIGHT, DARK, OUTSIDE, BESIDE]
-_NOT_BY_OBJECT = {"view", "models", "seconds", "tilt_covariance", "error_dof", "input_remarks"}
+_NOT_BY_OBJECT = {"view", "models", "seconds", "tilt_covariance", "error_dof", "box_remarks"}
+_NOT_BY_OBJECT |= {"nominal_view", "nominal_tilt_sigma"}
 SAID = ("vehicle_probability", "viewing_angle_probabilities")
 FROM_WHAT_IS_SAID = ("evidence", "probability", "ambiguity")
 FROM_WHAT_IS_SAID += tuple(f"alternative_{name}" for name in ("R", "t", "yaw", "covariance", "probability"))
@@ -135,7 +136,7 @@ def test_the_threshold_is_the_files_unless_it_is_given(tmp_path):
 
 
 def test_a_file_without_the_outputs_of_its_version(tmp_path):
-    with pytest.raises(gp.InputError, match="expected the outputs of version 2, got no vehicle"):
+    with pytest.raises(gp.InputError, match="expected an output 'vehicle', got 'keypoints'"):
         Network(write(tmp_path / "cut.onnx", **{FORMAT: "2"}))
 
 

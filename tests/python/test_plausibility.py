@@ -13,6 +13,10 @@ TRUE = example().bboxes
 NAN = np.full((1, 4), np.nan)
 
 
+def fisheye(fx: float) -> gp.Camera:
+    return gp.Camera(fx, fx, 956.5, 539.5, (0.0, 0.0, 0.0, 0.0), SIZE, "equidistant")
+
+
 def camera(fx: float = 1000.0, cx: float = 956.5, cy: float = 539.5) -> gp.Camera:
     return gp.Camera(fx, fx, cx, cy, image_size=SIZE)
 
@@ -26,6 +30,11 @@ def camera(fx: float = 1000.0, cx: float = 956.5, cy: float = 539.5) -> gp.Camer
         (gp.View(camera(cx=200.0)), ["principal point"]),
         (gp.View(camera(cy=0.0)), ["principal point"]),
         (gp.View(camera(fx=1.5)), ["field of view"]),
+        # a circle of 190 degrees; a lens that ends within the picture; one of 2 degrees; no lens sees 275
+        (gp.View(fisheye(325.0)), []),
+        (gp.View(gp.Camera(200.0, 200.0, 956.5, 539.5, (-0.2, 0.6), SIZE, "double_sphere")), []),
+        (gp.View(fisheye(4e4)), ["field of view"]),
+        (gp.View(fisheye(225.0)), ["field of view"]),
         (gp.View(camera(fx=1e6)), ["field of view"]),
         (gp.View(camera(), pitch=math.radians(-30)), []),
         (gp.View(camera(), pitch=math.radians(-50)), ["pitch"]),
@@ -89,5 +98,5 @@ def test_answers():
     assert answer_remarks([]) == []
     assert answer_remarks(["ok", "no_consensus"]) == []
     assert answer_remarks(["no_consensus", "not_a_vehicle", "no_consensus"]) == [
-        "no answer: none of 3 boxes has a pose (2 no_consensus, 1 not_a_vehicle)"
+        "no answer: none of 3 objects has a pose (2 no_consensus, 1 not_a_vehicle)"
     ]

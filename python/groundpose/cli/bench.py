@@ -9,7 +9,9 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from groundpose.cli.output import complain, console, mistakes
+from groundpose._writing import only_writer
+from groundpose.cli.destination import Inputs
+from groundpose.cli.output import complain, console, mistakes, show
 
 OUT = Path("groundpose_bench.json")
 
@@ -88,6 +90,9 @@ def _bench(
     picture = figure or out.with_suffix(".png")
     check_path(picture)
     before = None if compare is None else baseline.read(compare)  # a wrong name is refused before the wait
+    if compare is not None:
+        Inputs(compare).refuse(out, f"-o {out}: ")
+    out.parent.mkdir(parents=True, exist_ok=True)
     try:
         cases = chosen(only, instructions, native)
     except ValueError as error:
@@ -96,14 +101,14 @@ def _bench(
     if (table := tell.target_table(content["cases"])).row_count and not quick:
         console().print(table)
     drawing.write(content["cases"], picture)
-    typer.echo(f"Numbers: {out.resolve()}")
-    typer.echo(f"Picture: {picture.resolve()}")
+    show(f"Numbers: {out.resolve()}")
+    show(f"Picture: {picture.resolve()}")
     if save_baseline is not None:
         baseline.save(content, save_baseline)
-        typer.echo(f"Baseline: {save_baseline.resolve()}")
+        show(f"Baseline: {save_baseline.resolve()}")
     if before is not None:
         if before["machine"] != content["machine"]:
-            typer.echo(f"The baseline is of another machine ({before['machine']}): ratios may differ")
+            show(f"The baseline is of another machine ({before['machine']}): ratios may differ")
         _compared(baseline.compare(content, before, {case.id for case in cases}))
 
 
@@ -122,14 +127,15 @@ def _measured(out: Path, cases: list[Any], effort: Any, fresh: bool) -> dict[str
             progress.update(bar, completed=done, total=total, description=text)
 
         try:
-            return run(
-                out,
-                cases,
-                effort,
-                fresh=fresh,
-                advance=advance,
-                finished=lambda name, result: console().print(tell.result(name, result)),
-            )
+            with only_writer(out):
+                return run(
+                    out,
+                    cases,
+                    effort,
+                    fresh=fresh,
+                    advance=advance,
+                    finished=lambda name, result: console().print(tell.result(name, result)),
+                )
         except KeyboardInterrupt:
             complain(f"interrupted; what is finished is in {out}; the same command goes on")
             raise typer.Exit(130) from None
@@ -149,8 +155,6 @@ def _compared(found: list[Any]) -> None:
         verdict: sum(d.verdict == verdict for d in found)
         for verdict in dict.fromkeys(d.verdict for d in found)
     }
-    typer.echo(
-        "Against the baseline: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-    )
+    show("Against the baseline: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
     if counts.get(LOST):
         raise typer.Exit(1)

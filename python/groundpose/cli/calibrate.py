@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from groundpose._core import InputError
+from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.inputs import NetworkFile, is_image
 from groundpose.cli.options import takes_options
@@ -28,7 +29,8 @@ def calibrate(
         typer.Argument(
             metavar="INPUT",
             help="Frames with keypoints (.jsonl), poses that [bold]groundpose estimate[/bold] wrote (.jsonl, "
-            "with [bold]--calib[/bold]), or a folder of images or a video, with [bold]--boxes[/bold].",
+            "with [bold]--calib[/bold]), or a folder of images or a video, with [bold]--boxes[/bold] or "
+            "[bold]--detector[/bold].",
         ),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Camera profile to write (.json).")] = Path(
@@ -68,6 +70,12 @@ def calibrate(
         ),
     ] = None,
     boxes: Annotated[Path | None, typer.Option(help="2D boxes of the images, as of estimate.")] = None,
+    detector: Annotated[
+        Path | None, typer.Option(help="A detector (.onnx) that finds them, instead of --boxes.")
+    ] = None,
+    detector_score: Annotated[
+        float | None, typer.Option(min=0.0, max=1.0, help="Leave out its boxes whose score is lower.")
+    ] = None,
     calib: Annotated[Path | None, typer.Option(help="The camera; of frames their own.")] = None,
     camera: Annotated[str | None, typer.Option(metavar="NAME", help="Which camera of --calib.")] = None,
     fov_deg: Annotated[
@@ -100,8 +108,11 @@ def calibrate(
     with mistakes():
         sizes = SizePrior.region(region or "world")
         choice = CameraChoice(calib, camera, fov_deg)
-        if boxes is not None or is_image(source):
-            found = _of_images(source, boxes, choice, network, tracks, known, sizes, focal, options, threads)
+        if boxes is not None or detector is not None or is_image(source):
+            found_by = BoxChoice(boxes, detector, detector_score)
+            found = _of_images(
+                source, found_by, choice, network, tracks, known, sizes, focal, options, threads
+            )
         else:
             found = _of_file(source, choice, tracks, known, sizes, focal, options, threads)
         found.profile.save(out)
@@ -154,7 +165,7 @@ def _of_file(
 
 def _of_images(
     source: Path,
-    boxes: Path | None,
+    found_by: BoxChoice,
     choice: CameraChoice,
     network: Path | None,
     tracks: bool | None,
@@ -168,11 +179,10 @@ def _of_images(
     from groundpose.cli.seen_traffic import of_results
     from groundpose.keypoints.pipeline import Pipeline
 
-    if boxes is None:
-        refuse(f"{source}: is an image, a folder or a video; give the 2D boxes too, --boxes FILE")
+    found_by.check(source)
     pitch, roll = (None if told is None else told[0] for told in (known.pitch, known.roll))
     pipeline = Pipeline(network, options=options, threads=threads)
-    work = ImageWork(source, boxes, choice, Mounting(pitch, roll), -math.inf, pipeline)
+    work = ImageWork(source, found_by, choice, Mounting(pitch, roll), -math.inf, pipeline)
     seen = of_results(iter(work), tracks)
     _complain(seen.bad)
     for remark in work.remarks():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from groundpose.cli.output import console, mistakes
+from groundpose.cli.output import mistakes, say, show
 from groundpose.cli.progress import bar, extra
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def crops(
             write_crops(
                 out, samples, split, frames, seed=seed, first=first, codec=codec, jobs=jobs, advance=advance
             )
-    typer.echo(f"Crops: {out.resolve()}")
+    show(f"Crops: {out.resolve()}")
 
 
 def _coco_crops(
@@ -115,6 +115,6 @@ def _coco_crops(
     for name, source in sources.items():
         write_crops(out, source, name, len(source.pictures), codec=codec, jobs=jobs)
         made.append(f"{sum(len(picture.vehicles) for picture in source.pictures)} {name}")
-    typer.echo(f"Crops: {out.resolve()} ({', '.join(made)}; {skips.total} left out)")
+    show(f"Crops: {out.resolve()} ({', '.join(made)}; {skips.total} left out)")
     for line in skips.lines():
-        console(stderr=True).print(f"left out: {line}")
+        say(f"left out: {line}")

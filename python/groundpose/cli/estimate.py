@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,13 +12,19 @@ from typing import Annotated
 
 import typer
 
+from groundpose._checks import blamed, radians
 from groundpose._core import InputError
 from groundpose.camera_profile import CameraProfile
+from groundpose.cli.asked import asked
+from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
+from groundpose.cli.destination import FORMATS, Destination, Inputs, chosen_format
 from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.journal import Settings
 from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.options import takes_options
-from groundpose.cli.output import FORMATS, Output, Pictures, Style, mistakes, refuse
+from groundpose.cli.output import mistakes, refuse, standard_output
+from groundpose.cli.results import Output, Pictures, Style
 from groundpose.cli.run import Mounting, Result, run
 from groundpose.estimate import estimate_poses
 from groundpose.formats.frames import Frame, FrameSource
@@ -36,8 +42,9 @@ def estimate(
         Path,
         typer.Argument(
             metavar="INPUT",
-            help="An image, a folder of images or a video, with [bold]--boxes[/bold]; or frames with "
-            "keypoints: one (.json), JSON lines (.jsonl), or - for standard input.",
+            help="An image, a folder of images, a pattern ('frame_%06d.png', 'frame_*.png') or a video, with "
+            "[bold]--boxes[/bold] or [bold]--detector[/bold]; or frames with keypoints: one (.json), JSON "
+            "lines (.jsonl), or - for standard input.",
         ),
     ],
     boxes: Annotated[
@@ -45,6 +52,23 @@ def estimate(
         typer.Option(
             help="2D boxes: KITTI, COCO, YOLO, VOC, CVAT, MOT, CSV, JSON ...; of a folder one file or "
             "a folder."
+        ),
+    ] = None,
+    detector: Annotated[
+        Path | None,
+        typer.Option(
+            help="Instead of boxes, a detector that was exported to ONNX: YOLOX, YOLOv5 to YOLO26, RT-DETR, "
+            "RF-DETR, DETR.",
+            metavar="FILE",
+        ),
+    ] = None,
+    detector_score: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Leave out what the detector is less sure of.",
+            show_default="0.3 for YOLO, 0.5 for DETR",
         ),
     ] = None,
     classes: Annotated[
@@ -94,11 +118,16 @@ def estimate(
         typer.Option(
             "-o",
             "--out",
-            help="File to write, or a folder. Of images it takes the pictures too, beside the file.",
+            help="File to write (.jsonl, .csv, .parquet, .txt), or a folder. Of images it takes the pictures "
+            "too, beside the file.",
         ),
     ] = None,
     form: Annotated[
-        str, typer.Option("--format", help=f"{', '.join(FORMATS)}; default: table on a terminal, else jsonl.")
+        str,
+        typer.Option(
+            "--format",
+            help=f"{', '.join(FORMATS)}; default: by the ending of -o, a table on a terminal, else jsonl.",
+        ),
     ] = "",
     draw: Annotated[
         Path | None, typer.Option(help="Write a picture; with several frames put {id} into its name.")
@@ -155,6 +184,9 @@ def estimate(
         ),
     ] = None,
     threads: Annotated[int | None, typer.Option(min=1, show_default="all cores", help="Threads.")] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit status 1 also when one vehicle has no pose or is left out.")
+    ] = False,
     *,
     options: Options,
 ) -> None:
@@ -162,11 +194,13 @@ def estimate(
 
     Of an image the bundled network finds the keypoints in the boxes; each
     vehicle gets class, pose and shape. Frames are JSON: camera, tilt,
-    models, and of each object its keypoints, box and model. Results are
-    written as they come and stay when the run is interrupted.
+    models, and of each object its keypoints, box and model. What an
+    interrupted run has finished is kept; the same command goes on.
 
-    Exit status: 1 when some images or lines were bad (the others are
-    done), 2 when nothing could be done.
+    Exit status: 0 when all went well; 1 when some images or lines were
+    bad (the others are done), when there are vehicles but not one pose,
+    with [bold]--strict[/bold] when anything was left out; 2 when the
+    call was wrong and nothing was done.
 
     [bold]Examples[/bold]
 
@@ -176,32 +210,39 @@ def estimate(
 
       groundpose estimate drive.mp4 --boxes coco.json --calib camera.json -o results/ --no-pictures
 
+      groundpose estimate frames/ --detector yolox_s.onnx --calib camera.yaml -o results/
+
       groundpose estimate drive/ --boxes coco.json --calib camera.json --height 1.65 --region europe -o out/
+
+      groundpose estimate drive/ --boxes boxes/ --calib camera.json -o poses.csv --no-pictures --strict
 
       groundpose estimate frame.json --draw poses.png
 
       zcat drive.jsonl.gz | groundpose estimate - --format kitti -o results/
     """
-    form = form or ("table" if out is None and sys.stdout.isatty() else "jsonl")
-    if form not in FORMATS:
-        refuse(f"--format: expected {', '.join(FORMATS)}, got {form!r}")
+    said = asked(locals())
     with mistakes():
-        angles = (pitch_deg, roll_deg, frame_tilt_sigma_deg)
-        pitch, roll, sigma = (None if angle is None else math.radians(angle) for angle in angles)
+        form = form or ("table" if out is None and standard_output().isatty() else "")
+        pitch, roll = _radians("--pitch-deg", pitch_deg, 90.0), _radians("--roll-deg", roll_deg, 180.0)
+        sigma = _radians("--frame-tilt-sigma-deg", frame_tilt_sigma_deg, 360.0)
         told = (calib, fov_deg, pitch_deg, roll_deg, height)
         known = None if profile is None else _profile(profile, *told)
         frame = _frame(height, region, learn_camera) if known is None else _known_frame(known, region)
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
         mounting = Mounting(pitch, roll, height, sigma, frame, learned, None if known is None else known.view)
-        job = _Job(options, threads, mounting, out, form, draw)
+        files = (boxes, detector, calib, profile, network, learn_camera)
+        read = Inputs(source, tuple(path for path in files if path))
+        job = _Job(options, threads, mounting, out, form, draw, strict, read, said)
         meant = _meant(classes or [])
-        if boxes is not None or is_image(source):
+        if boxes is not None or detector is not None or is_image(source):
             seen_by = CameraChoice(calib if profile is None else profile, camera, fov_deg)
+            found_by = BoxChoice(boxes, detector, detector_score)
             status = job.images(
-                source, boxes, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
+                source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
             )
         else:
             for_images = {
+                "detector-score": detector_score,
                 "calib": calib,
                 "camera": camera,
                 "fov-deg": fov_deg,
@@ -237,6 +278,10 @@ def _frame(height: float | None, region: str | None, learn_camera: Path | None) 
     return FramePriors(size=SizePrior.region(region or "world"))
 
 
+def _radians(option: str, degrees: float | None, limit: float) -> float | None:
+    return None if degrees is None else radians(option, degrees, limit)
+
+
 def _meant(classes: list[str]) -> dict[str, str]:
     """`NAME=CLASS` as names and classes."""
     for text in classes:
@@ -256,11 +301,14 @@ class _Job:
     out: Path | None
     form: str
     draw: Path | None
+    strict: bool
+    inputs: Inputs
+    settings: Settings | None
 
     def images(
         self,
         source: Path,
-        boxes: Path | None,
+        boxes: BoxChoice,
         camera: CameraChoice,
         network: Path | None,
         vehicle_threshold: float | None,
@@ -270,11 +318,10 @@ class _Job:
         exif: bool,
     ) -> int:
         """Estimate images; returns the exit status."""
-        from groundpose.cli.images import STYLE, ImageWork, destinations
+        from groundpose.cli.images import STYLE, ImageWork
         from groundpose.keypoints.pipeline import Pipeline  # with the network and the vehicles' models
 
-        if boxes is None:
-            refuse(f"{source}: is an image or a folder; give the 2D boxes too, --boxes FILE")
+        boxes.check(source)
         pipeline = Pipeline(
             network,
             options=self.options,
@@ -284,30 +331,30 @@ class _Job:
         )
         least = -math.inf if min_score is None else min_score
         work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif)
-        lines, picture = destinations(self.out, self.form, work.several)
-        for given in (source, boxes, camera.calibration):
-            if lines is not None and given is not None and lines.exists() and lines.samefile(given):
-                refuse(f"-o {self.out}: {lines} is an input; give another name")
-        drawn = self._pictures(work.several, picture if pictures else None)
-        return run(work, Output(lines, self.form, work.several, STYLE), drawn)
+        form = chosen_format(self.form, self.out, images=True)
+        where = Destination.of_images(self.out, form, work.several)
+        drawn = self._pictures(work.several, where.pictures if pictures else None)
+        return run(work, Output(where, form, self.inputs, STYLE, self.settings), drawn, self.strict)
 
     def frames(self, source: Path, for_images: Mapping[str, object]) -> int:
         """Estimate frames that have keypoints; returns the exit status."""
         for name, value in for_images.items():
             if value is not None:
-                refuse(f"--{name}: is for images, which are given with --boxes")
-        with _open(source, self.out) as frames:
+                refuse(f"--{name}: is for images, which are given with --boxes or --detector")
+        with _open(source) as frames:
             work = _FrameWork(frames, self.options, self.threads, self.mounting)
+            form = chosen_format(self.form, self.out, images=False)
+            where = Destination.of_frames(self.out, form, frames.several)
             drawn = self._pictures(frames.several)
             style = Style(pose_record if self.mounting.frame_sigma is None else _tilted_record)
-            return run(work, Output(self.out, self.form, frames.several, style), drawn)
+            return run(work, Output(where, form, self.inputs, style, self.settings), drawn, self.strict)
 
     def _pictures(self, several: bool, instead: Path | None = None) -> Pictures | None:
         path = self.draw or instead
-        return None if path is None else Pictures(path, several)
+        return None if path is None else Pictures(path, several, self.inputs)
 
 
-@dataclass(frozen=True)
+@dataclass
 class _FrameWork:
     """Frames with keypoints, estimated one after the other."""
 
@@ -315,8 +362,10 @@ class _FrameWork:
     options: Options
     threads: int | None
     mounting: Mounting
+    finished: Container[int] = ()
     noun = "frames"
     total = None
+    passed_over = 0
 
     @property
     def name(self) -> str:
@@ -326,11 +375,16 @@ class _FrameWork:
     def several(self) -> bool:
         return self.source.several
 
-    def __iter__(self) -> Iterator[Result | InputError]:
-        for frame in self.source:
-            try:
-                if isinstance(frame, InputError):
-                    raise frame
+    def __iter__(self) -> Iterator[Result | InputError | None]:
+        for number, frame in enumerate(self.source):
+            if number in self.finished:  # read all the same: later lines know its models
+                yield None
+                continue
+            yield frame if isinstance(frame, InputError) else self._done(frame)
+
+    def _done(self, frame: Frame) -> Result | InputError:
+        try:
+            with blamed(frame.place):
                 tilted = replace(frame, view=self.mounting.of(frame.view))
                 poses = estimate_poses(
                     **tilted.arguments,
@@ -338,10 +392,9 @@ class _FrameWork:
                     threads=self.threads,
                     **self.mounting.arguments(tilted.view),
                 )
-            except InputError as error:
-                yield error
-            else:
-                yield Result(tilted, poses)
+        except InputError as error:
+            return error
+        return Result(tilted, poses)
 
     def remarks(self) -> list[str]:
         return self.mounting.remarks()
@@ -353,11 +406,11 @@ def _tilted_record(frame: Frame, poses: PoseBatch) -> str:
 
 
 @contextmanager
-def _open(frames: Path, out: Path | None) -> Iterator[FrameSource]:
+def _open(frames: Path) -> Iterator[FrameSource]:
     if str(frames) == "-":
+        if sys.stdin is None:
+            refuse("standard input is closed; give a file")
         yield FrameSource(sys.stdin.buffer, "standard input", Path())
         return
-    if out is not None and out.exists() and frames.exists() and out.samefile(frames):
-        refuse(f"-o {out}: is the input; give another name")
     with frames.open("rb") as stream:
         yield FrameSource(stream, str(frames), frames.parent)

@@ -11,6 +11,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from groundpose.cli.destination import Inputs
 from groundpose.cli.evaluate_lab import (
     detector,
     distance,
@@ -24,7 +25,7 @@ from groundpose.cli.evaluate_lab import (
 )
 from groundpose.cli.evaluate_sets import apollo, bar, speed, tilt
 from groundpose.cli.inputs import NetworkFile
-from groundpose.cli.output import complain, console, mistakes
+from groundpose.cli.output import complain, console, mistakes, show
 
 if TYPE_CHECKING:
     from groundpose.lab.evaluate.kitti.keypoints import KeypointSource
@@ -167,6 +168,7 @@ def kitti(
             region=region,
             least_score=min_score,
         )
+        Inputs(root, tuple(path for path in (split, detections, network) if path)).refuse(out, f"-o {out}: ")
         found = None
         if boxes is Boxes.DETECTIONS:
             found = detections or root / "training" / "detections"
@@ -183,17 +185,17 @@ def kitti(
             complain("interrupted; finished frames are kept, the same command goes on")
             raise typer.Exit(130) from None
         _tell(content)
-        typer.echo(f"Numbers: {out.resolve()}")
+        show(f"Numbers: {out.resolve()}")
         if page is not None:
             from groundpose.lab.evaluate.kitti.page import write
 
-            typer.echo(f"Page: {write(content, worker, page).resolve()}")
+            show(f"Page: {write(content, worker, page).resolve()}")
         if rerun is not None:
             from groundpose.lab.evaluate.kitti.show import record
 
             with bar("recording") as advance:
                 count = record(worker, frames.ids(split)[:limit], rerun, advance)
-            typer.echo(f"Recording: {rerun.resolve()}, {count} frames")
+            show(f"Recording: {rerun.resolve()}, {count} frames")
     if not content["frames"]["done"]:
         complain("no frame could be used")
         raise typer.Exit(2)
@@ -242,12 +244,10 @@ def _tell(content: dict[str, Any]) -> None:
             )
     console().print(table)
     frames = content["frames"]
-    typer.echo(
-        f"{frames['done']} frames, {content['objects']} objects; frames left out: {frames['left out']}"
-    )
+    show(f"{frames['done']} frames, {content['objects']} objects; frames left out: {frames['left out']}")
     for row in content["skipped"]:
         more = ", ..." if row["count"] > _PLACES else ""
-        typer.echo(f"left out: {row['count']} x {row['reason']}: {'; '.join(row['first'][:_PLACES])}{more}")
+        show(f"left out: {row['count']} x {row['reason']}: {'; '.join(row['first'][:_PLACES])}{more}")
 
 
 @app.command()
@@ -266,6 +266,7 @@ def figure6(
       groundpose evaluate figure6 --root KITTI --frame 000008 -o figure6.png
     """
     from groundpose.draw import check_path
+    from groundpose.draw.save import save_figure
     from groundpose.formats.kitti.dataset import KittiSet
     from groundpose.lab.evaluate.kitti.frame import Task
     from groundpose.lab.evaluate.kitti.run import Worker
@@ -275,8 +276,8 @@ def figure6(
         check_path(out)
         source, _ = _source(keypoints, network, Models.CLASS.value, seed)
         worker = Worker(KittiSet(root), Task(keypoints=keypoints.value), source)
-        draw(worker, frame).savefig(out, dpi=110)
-    typer.echo(f"Picture: {out.resolve()}")
+        save_figure(draw(worker, frame), out, 110)
+    show(f"Picture: {out.resolve()}")
 
 
 for command in (

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from groundpose.cli.inputs import NetworkFile
-from groundpose.cli.output import console, mistakes
+from groundpose.cli.output import console, mistakes, show
 
 SOLVER, REAL = Path("results/solver.json"), Path("results/real.json")
 Data = Annotated[Path | None, typer.Option(help="Folder of the real data; none: GROUNDPOSE_DATA.")]
@@ -35,7 +35,7 @@ def targets(
             met = measure(trials, seed, out, only, console())
         except ValueError as error:
             raise TypeError(str(error)) from error  # a usage error: one line and status 2
-        typer.echo(f"Numbers: {out.resolve()}")
+        show(f"Numbers: {out.resolve()}")
         if out == SOLVER:
             _results_page()
     if not met:
@@ -58,7 +58,7 @@ def real(
 
     with mistakes():
         write_json(out, measure(data_folder(data), typer.echo))
-        typer.echo(f"Numbers: {out.resolve()}")
+        show(f"Numbers: {out.resolve()}")
         if out == REAL:
             _results_page()
 
@@ -82,7 +82,7 @@ def networks(
 
     with mistakes():
         out = measure(Path(), network or [], crops, seed, fresh, typer.echo, only)
-        typer.echo(f"Numbers: {out.resolve()}")
+        show(f"Numbers: {out.resolve()}")
 
 
 def honesty(
@@ -111,7 +111,7 @@ def honesty(
 
     with mistakes():
         out = measure(Path(), network or [], crops, fit, typer.echo)
-        typer.echo(f"Numbers: {out.resolve()}")
+        show(f"Numbers: {out.resolve()}")
 
 
 def silent(
@@ -133,9 +133,9 @@ def silent(
     with mistakes():
         path = out or lab.JSON
         report.write_json(path, lab.measure(trials, seed, typer.echo))
-        typer.echo(f"Numbers: {path.resolve()}")
+        show(f"Numbers: {path.resolve()}")
         if out is None:
-            typer.echo(f"Page: {lab.write_stored(Path())}")
+            show(f"Page: {lab.write_stored(Path())}")
 
 
 def shapes(data: Data = None) -> None:
@@ -144,7 +144,7 @@ def shapes(data: Data = None) -> None:
 
     with mistakes():
         for path in measure(Path(), data):
-            typer.echo(f"Written: {path.resolve()}")
+            show(f"Written: {path.resolve()}")
 
 
 def detector(data: Data = None) -> None:
@@ -159,15 +159,21 @@ def detector(data: Data = None) -> None:
 def distance(
     data: Data = None,
     network: NetworkFile = None,
+    crops: Annotated[Path | None, typer.Option(help="Folder of crops whose renders are used.")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="JSON file of the numbers.")] = Path(
         "results/distance.json"
     ),
 ) -> None:
     """What region, height of the camera and more frames are worth for distances, for docs/distance.md.
 
+    Renders of cameras above a road are those in `CROPS/evaluated` (extra
+    train); without a folder they are left out.
+
     [bold]Examples[/bold]
 
       groundpose evaluate distance --data data
+
+      groundpose evaluate distance --data data --crops data/held_out
     """
     from groundpose.cli.evaluate_sets import bar
     from groundpose.lab.data import data_folder
@@ -176,11 +182,12 @@ def distance(
 
     with mistakes():
         with bar("settings") as advance:
-            content = distance.run(data_folder(data), None if network is None else str(network), advance)
+            path = None if network is None else str(network)
+            content = distance.run(data_folder(data), path, crops, advance)
         write_json(out, content)
-        typer.echo(f"Numbers: {out.resolve()}")
+        show(f"Numbers: {out.resolve()}")
         if out == distance.JSON:
-            typer.echo(f"Page: {distance.write_page(content, distance.PAGE).resolve()}")
+            show(f"Page: {distance.write_page(content, distance.PAGE).resolve()}")
 
 
 def pages() -> None:
@@ -200,10 +207,10 @@ def pages() -> None:
         written += [experiments.write_stored(root), distance_page.write_stored(root)]
         written += [honesty_page.write_stored(root), silent.write_stored(root)]
         for path in filter(None, written):
-            typer.echo(f"Page: {path.resolve()}")
+            show(f"Page: {path.resolve()}")
 
 
 def _results_page() -> None:
     from groundpose.lab.evaluate.report import write_page
 
-    typer.echo(f"Page: {write_page(Path()).resolve()}")
+    show(f"Page: {write_page(Path()).resolve()}")

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from groundpose.cli import progress
-from groundpose.cli.output import mistakes, refuse
+from groundpose.cli.output import mistakes, refuse, show
 
 
 @contextmanager
@@ -85,7 +85,7 @@ def speed(
 
             write_json(out, content)
     for name, value in content.items():
-        typer.echo(f"{name}: {value}")
+        show(f"{name}: {value}")
 
 
 def _show_sets(content: dict[str, Any], out: Path | None) -> None:
@@ -93,12 +93,12 @@ def _show_sets(content: dict[str, Any], out: Path | None) -> None:
     from groundpose.lab.evaluate.report import write_json
 
     for group in content["sets"]:
-        typer.echo(f"\n{group['name']}, {group['objects']} cars")
+        show(f"\n{group['name']}, {group['objects']} cars")
         for key in ("methods", "tilt"):
             if key in group:
                 typer.echo(markdown(group[key]))
     for row in content.get("skipped", ()):
-        typer.echo(f"left out: {row['count']} x {row['reason']}: {row['first'][0]}")
+        show(f"left out: {row['count']} x {row['reason']}: {row['first'][0]}")
     if out is not None:
         write_json(out, content)
-        typer.echo(f"Numbers: {out.resolve()}")
+        show(f"Numbers: {out.resolve()}")

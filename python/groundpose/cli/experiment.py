@@ -12,7 +12,7 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
-from groundpose.cli.output import console, mistakes
+from groundpose.cli.output import console, mistakes, show
 from groundpose.cli.progress import bar
 
 RESULTS, PAGE, FIGURES = Path("results/experiments"), Path("docs/experiments.md"), Path("docs/experiments")
@@ -109,7 +109,7 @@ def _run(
     with bar() as progress:
         for name in names:
             store = run(name, trials, seed, out, wanted, jobs, fresh, _advance(progress, name))
-            typer.echo(f"{name}: {store.path}")
+            show(f"{name}: {store.path}")
 
 
 def _run_simulated(
@@ -120,14 +120,14 @@ def _run_simulated(
 
     with bar() as progress:
         store = run(name, trials or VEHICLES, seed, out, wanted, fresh, _advance(progress, name))
-        typer.echo(f"{name}: {store.path}")
+        show(f"{name}: {store.path}")
 
 
 def _write_simulated(out: Path, page: Path) -> None:
     """The page of G1 and G2."""
     from groundpose.lab.evaluate.simulated import page as writer
 
-    typer.echo(f"Page: {writer.write(out, page)}")
+    show(f"Page: {writer.write(out, page)}")
 
 
 def _advance(progress: Progress, name: str) -> Callable[[int, int, str], None]:
@@ -150,8 +150,8 @@ def _draw(out: Path, page: Path) -> None:
     results = Results.read(out)
     folder = page.with_suffix("")
     written = figures.write(results, folder)
-    typer.echo(f"{len(written)} figures: {folder}")
-    typer.echo(f"Page: {writer.write(results, page, folder)}")
+    show(f"{len(written)} figures: {folder}")
+    show(f"Page: {writer.write(results, page, folder)}")
 
 
 def _compare(baseline: Path, out: Path) -> None:
@@ -173,6 +173,6 @@ def _compare(baseline: Path, out: Path) -> None:
         console().print(table)
     worse = sum(d.worse for d in beyond)
     better = len(beyond) - worse
-    typer.echo(f"{len(differences)} numbers changed; beyond noise {worse} worse, {better} better")
+    show(f"{len(differences)} numbers changed; beyond noise {worse} worse, {better} better")
     if worse:
         raise typer.Exit(1)

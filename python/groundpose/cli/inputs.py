@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Callable, Iterator
-from glob import escape
-from importlib import import_module
-from importlib.util import find_spec
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from glob import escape, glob, has_magic
 from pathlib import Path
 from typing import Annotated
 
@@ -15,13 +16,12 @@ import typer
 from numpy.typing import NDArray
 
 from groundpose._checks import input_error, regular_file
+from groundpose._core import InputError
 
-_ENDINGS = (
-    "png apng jpg jpeg jpe jfif jp2 j2k bmp dib gif tif tiff webp avif ppm pgm pbm pnm tga pcx sgi",
-    "mp4 avi mov mkv webm m4v mpg mpeg",
-)
-PICTURES, VIDEOS = (frozenset(f".{ending}" for ending in endings.split()) for endings in _ENDINGS)
-"""Endings of names; other files of a folder are passed over."""
+_FRAMES = frozenset(("", ".json", ".jsonl", ".ndjson"))
+"""Endings of names of frames with keypoints."""
+_NUMBER = re.compile(r"%0?\d*d")
+"""In the name of numbered pictures, as FFmpeg has it: `frame_%06d.png`."""
 
 Image = NDArray[np.uint8]
 NetworkFile = Annotated[
@@ -34,31 +34,111 @@ NetworkFile = Annotated[
 ]
 
 
-def is_image(path: Path) -> bool:
-    """Whether the name is one of a picture, of a video or of a folder."""
-    return path.is_dir() or path.suffix.lower() in PICTURES | VIDEOS
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """An image of a run.
+
+    Attributes:
+        label: its id. name: what boxes and calibrations may call it. path: its file.
+        number, time, image: of a video's frame, from 0, in seconds, (H, W, 3).
+    """
+
+    label: str | int
+    name: str
+    path: Path
+    number: int | None = None
+    time: float | None = None
+    image: Image | None = None
+
+
+@cache
+def _endings() -> tuple[frozenset[str], frozenset[str]]:
+    """Of pictures and of videos."""
+    from groundpose.keypoints import image, video  # with Pillow, which frames with keypoints do not need
+
+    return image.endings() - video.ENDINGS, video.ENDINGS
+
+
+def is_picture(path: Path) -> bool:
+    """Whether the name is one of a picture."""
+    return path.suffix.lower() in _endings()[0]
 
 
 def is_video(path: Path) -> bool:
     """Whether the name is one of a video."""
-    return not path.is_dir() and path.suffix.lower() in VIDEOS
+    return not path.is_dir() and path.suffix.lower() in _endings()[1]
+
+
+def is_pattern(path: Path) -> bool:
+    """Whether it names several pictures, `frame_%06d.png` or `frame_*.png`, and no file."""
+    return not path.exists() and bool(_NUMBER.search(path.name) or has_magic(path.name))
+
+
+def is_image(path: Path) -> bool:
+    """Whether the name is one of a picture, of a video, of a folder, or of several pictures."""
+    ending = path.suffix.lower()
+    if path.is_dir() or (is_pattern(path) and ending not in _FRAMES - {""}):
+        return True
+    return ending not in _FRAMES and (is_picture(path) or is_video(path))
+
+
+def is_several(path: Path) -> bool:
+    """Whether there may be more than one image."""
+    return path.is_dir() or is_pattern(path) or is_video(path)
+
+
+def shots(path: Path, found: list[tuple[str, Path]] | None, exif: bool = True) -> Iterator[Shot | InputError]:
+    """The images of a run in order: those `found` by `pictures`; None: the frames of the video `path`, turned
+    as it asks if `exif` says so.
+
+    Raises:
+        OSError: no such file. InputError: no video.
+    """
+    if found is not None:
+        yield from (Shot(label, picture.name, picture) for label, picture in found)
+        return
+    from groundpose.keypoints.video import video_frames
+
+    for frame in video_frames(path, exif):
+        if isinstance(frame, InputError):
+            yield frame
+        else:
+            yield Shot(frame.number, f"{frame.number:06d}", path, frame.number, frame.time, frame.image)
 
 
 def pictures(path: Path) -> list[tuple[str, Path]]:
-    """The pictures of a folder in order, or a picture alone, each with a name of its own: without its ending
-    unless two would be called the same.
+    """The pictures of a folder or a pattern in order, or a picture alone, each with a name of its own:
+    without its ending unless two would be called the same.
 
     Raises:
-        OSError: no such file. InputError: a folder without pictures.
+        OSError: no such file. InputError: a folder without pictures, a pattern that none has.
     """
-    if not path.is_dir():
+    if not path.is_dir() and not is_pattern(path):
         regular_file(path).open("rb").close()  # OSError in Python's own words
         return [(path.stem, path)]
-    found = sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURES and not p.name.startswith("."))
+    found = _matching(path) if is_pattern(path) else _pictures_of(path)
     if not found:
-        raise input_error(str(path), "a folder with pictures", "none in it")
+        expected = "names of pictures" if is_pattern(path) else "a folder with pictures"
+        raise input_error(str(path), expected, "none that match" if is_pattern(path) else "none in it")
     stems = Counter(p.stem for p in found)
     return [(p.stem if stems[p.stem] == 1 else p.name, p) for p in found]
+
+
+def _pictures_of(folder: Path) -> list[Path]:
+    return sorted(p for p in folder.iterdir() if is_picture(p) and not p.name.startswith("."))
+
+
+def _matching(pattern: Path) -> list[Path]:
+    """Pictures of a folder whose names a pattern has: by their number, or in the order of their names."""
+    if not _NUMBER.search(pattern.name):
+        names = glob(escape(str(pattern.parent)) + "/" + pattern.name)
+        return sorted(path for path in map(Path, names) if is_picture(path))
+    if not pattern.parent.is_dir():
+        return []
+    digits = _NUMBER.sub(lambda _: r"(\d+)", re.escape(pattern.name))
+    hits = [(re.fullmatch(digits, path.name), path) for path in _pictures_of(pattern.parent)]
+    numbered = [([int(text) for text in hit.groups()], path) for hit, path in hits if hit]
+    return [path for _, path in sorted(numbered)]
 
 
 def companion(folder: Path, name: str) -> Path:
@@ -67,7 +147,7 @@ def companion(folder: Path, name: str) -> Path:
     Raises InputError when there is none.
     """
     stem = Path(name).stem
-    found = sorted(p for p in folder.glob(f"{escape(stem)}.*") if p.suffix.lower() not in PICTURES)
+    found = sorted(p for p in folder.glob(f"{escape(stem)}.*") if not is_picture(p))
     if not found:
         raise input_error(str(folder), f"a file {stem}.*", "none")
     return found[0]
@@ -85,45 +165,3 @@ def frame_companion(folder: Path, video_name: str, number: int) -> Path | None:
         path = folder / f"{theirs}{number + 1}.txt"
         return path if path.is_file() else None
     return companion(folder, f"{number:06d}")
-
-
-def video(path: Path) -> Iterator[Image]:
-    """The frames of a video (H, W, 3), RGB, read by the first package that is installed.
-
-    Raises:
-        OSError: no such file. InputError: no video, or no package that reads videos.
-    """
-    regular_file(path).open("rb").close()
-    for package, read in _VIDEO_READERS.items():
-        if find_spec(package) is not None:
-            frames = read(path)
-            first = next(frames, None)
-            if first is None:
-                raise input_error(str(path), "a video", "a file without frames")
-            yield first
-            yield from frames
-            return
-    hint = "pip install opencv-python-headless, or give a folder of its frames"
-    raise input_error(str(path), f"OpenCV or imageio to read videos ({hint})", "neither")
-
-
-def _opencv(path: Path) -> Iterator[Image]:
-    reader = import_module("cv2").VideoCapture(str(path))
-    try:
-        while True:
-            there, image = reader.read()
-            if not there:
-                return
-            yield image[..., ::-1]
-    finally:
-        reader.release()
-
-
-def _imageio(path: Path) -> Iterator[Image]:
-    try:
-        yield from import_module("imageio.v3").imiter(path)
-    except (OSError, ValueError) as error:
-        raise input_error(str(path), "a video", error) from None
-
-
-_VIDEO_READERS: dict[str, Callable[[Path], Iterator[Image]]] = {"cv2": _opencv, "imageio": _imageio}

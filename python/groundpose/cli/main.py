@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +16,7 @@ from groundpose.cli.estimate import estimate
 from groundpose.cli.evaluate import app as evaluate
 from groundpose.cli.experiment import experiment
 from groundpose.cli.inputs import NetworkFile
-from groundpose.cli.output import console, mistakes
+from groundpose.cli.output import console, mistakes, on_any_terminal, show
 from groundpose.cli.simulate import simulate
 from groundpose.cli.train import export, train
 
@@ -51,7 +52,8 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+        bool,
+        typer.Option("--version", "-V", callback=_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
     """From one calibrated image, the 6-DoF pose and shape of every vehicle on the ground."""
@@ -80,12 +82,34 @@ def demo(
         result = run(network)
         console().print(result.table())
         result.write_picture(out)
-    typer.echo(f"Picture: {out.resolve()}")
+    show(f"Picture: {out.resolve()}")
+
+
+@app.command("help")
+def show_help(
+    command: Annotated[list[str] | None, typer.Argument(help="Of which command; none: all.")] = None,
+) -> None:
+    """Show how a command is used.
+
+    [bold]Examples[/bold]
+
+      groundpose help estimate
+
+      groundpose help evaluate kitti
+    """
+    app([*(command or []), "--help"], prog_name="groundpose")
 
 
 def main() -> None:
-    """The `groundpose` command."""
+    """The `groundpose` command. SIGTERM ends it as Ctrl-C does: what is finished is put in its place."""
+    on_any_terminal()
+    signal.signal(signal.SIGTERM, _interrupt)
     app()
+
+
+def _interrupt(*_: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one shall not disturb the end
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

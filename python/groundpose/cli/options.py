@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, get_origin, get_type_hints
 import typer
 
 from groundpose import _core
+from groundpose._checks import input_error
 from groundpose.cli.output import mistakes
 from groundpose.options import Options
 
@@ -41,9 +42,9 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     @wraps(command)
     def typed(**given: Any) -> None:
         said = {name: given.pop(parameter.name) for name, parameter in options.items()}
-        angles = {name: math.radians(said[name]) for name in _ANGLES if said[name] is not None}
-        values = {name: value for name, value in (said | angles).items() if value is not None}
         with mistakes():
+            angles = {name: _radians(name, said[name]) for name in _ANGLES if said[name] is not None}
+            values = {name: value for name, value in (said | angles).items() if value is not None}
             made = Options(**values)
         command(**given, options=made)
 
@@ -51,6 +52,13 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     typed.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
     typed.__annotations__ = {p.name: p.annotation for p in parameters}
     return typed
+
+
+def _radians(name: str, degrees: float) -> float:
+    """Of a standard deviation. Raises InputError in degrees, as they were typed."""
+    if not degrees >= 0.0:
+        raise input_error(f"--{name.replace('_', '-')}-deg", "degrees from 0 on", f"{degrees:g}")
+    return math.radians(degrees)
 
 
 def _parameter(option: Field[Any]) -> inspect.Parameter:

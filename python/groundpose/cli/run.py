@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+import time
+from collections.abc import Container, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,10 +21,11 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from groundpose._checks import input_error
+from groundpose._checks import blamed, input_error
 from groundpose._core import InputError
 from groundpose.cli.learned import LearnedCamera
-from groundpose.cli.output import Output, Pictures, complain, console
+from groundpose.cli.output import complain, console, say
+from groundpose.cli.results import Output, Pictures
 from groundpose.formats.frames import Frame
 from groundpose.frame import FramePriors
 from groundpose.poses import PoseBatch
@@ -75,15 +78,25 @@ class Mounting:
 
 @dataclass(frozen=True)
 class Result:
-    """One frame, its poses, and its picture if that is at hand."""
+    """One frame, its poses, its picture if that is at hand, and in how many boxes there is no vehicle."""
 
     frame: Frame
     poses: PoseBatch
     image: NDArray[np.uint8] | None = None
+    no_vehicle: int = 0
+
+    @property
+    def vehicles(self) -> int:
+        """How many there are."""
+        return len(self.poses) - self.no_vehicle
 
 
 class Work(Protocol):
-    """What there is to do; iterating does it, one by one, and gives an InputError for a bad one."""
+    """What there is to do; iterating does it, one by one in the same order every time, and gives an
+    InputError for a bad one."""
+
+    finished: Container[int]
+    """Numbers, from 0, of those that are done already: iterating gives None for them."""
 
     @property
     def name(self) -> str:
@@ -101,40 +114,124 @@ class Work(Protocol):
     def several(self) -> bool:
         """Whether there may be more than one."""
 
-    def __iter__(self) -> Iterator[Result | InputError]:
+    @property
+    def passed_over(self) -> int:
+        """How many objects were left out so far."""
+
+    def __iter__(self) -> Iterator[Result | InputError | None]:
         """Do it."""
 
     def remarks(self) -> list[str]:
         """What to say at the end."""
 
 
-def run(work: Work, output: Output, pictures: Pictures | None) -> int:
+@dataclass
+class Tally:
+    """What a run has done so far: `items` of the work, the vehicles in them and their poses, the errors, and
+    what looks wrong in the inputs by its kind."""
+
+    begun: float = field(default_factory=time.monotonic)
+    items: int = 0
+    vehicles: int = 0
+    poses: int = 0
+    errors: list[InputError] = field(default_factory=list)
+    remarks: dict[str, list[str]] = field(default_factory=dict)
+
+    def add(self, result: Result) -> None:
+        """One item more."""
+        self.items += 1
+        self.vehicles += result.vehicles
+        self.poses += int(result.poses.ok.sum())
+        for remark in result.poses.remarks:
+            kind = remark.partition(":")[0]
+            self.remarks.setdefault(kind, []).append(f"{result.frame.place}: {remark}")
+
+    def remark_lines(self, noun: str) -> list[str]:
+        """The first remark of each kind, and how many more there are."""
+        return [
+            first + (f" (and {len(more)} more {noun})" if more else "")
+            for first, *more in self.remarks.values()
+        ]
+
+    def line(self, noun: str, place: object) -> str:
+        """The run in a line: `9 images, 46 vehicles, 45 poses, results/poses.jsonl, 0.9 s`."""
+        counts = ((self.items, noun), (self.vehicles, "vehicles"), (self.poses, "poses"))
+        parts = [counted(count, word) for count, word in counts]
+        return ", ".join([*parts, str(place), f"{time.monotonic() - self.begun:.1f} s"])
+
+
+def counted(count: int, noun: str) -> str:
+    """`9 images`, `1 image`."""
+    return f"{count} {noun if count != 1 else noun.removesuffix('s')}"
+
+
+def run(work: Work, output: Output, pictures: Pictures | None, strict: bool = False) -> int:
     """Estimate, write, draw; returns the exit status."""
-    done, errors = 0, []
+    tally = Tally()
     try:
+        _go_on(work, output, tally)
         with _progress(work, output) as progress:
             task = progress.add_task(work.noun, total=work.total)
-            for result in work:
-                try:
-                    if isinstance(result, InputError):
-                        raise result
-                    output.write(result.frame, result.poses)
-                    if pictures is not None:
-                        pictures.write(result.frame, result.poses, result.image)
-                    done += 1
-                except InputError as error:
-                    errors.append(error)
+            for item, result in enumerate(work):
+                if result is not None:
+                    _keep(item, result, output, pictures, tally)
                 progress.advance(task)
+        output.complete()
     except KeyboardInterrupt:
-        complain(f"interrupted; {work.noun} finished and written: {done}")
+        said = output.interrupted()
+        complain(f"interrupted; {work.noun} finished and written: {tally.items}{said}")
         return 130
     except BrokenPipeError:
         # The reader has enough. Keep Python from complaining when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:  # a full disk, say
+        with suppress(OSError):
+            error.strerror = f"{error.strerror or error}{output.interrupted()}"
+        raise
     finally:
         output.close()
-    return _report(work, done, errors)
+    return _report(work, output, tally, strict)
+
+
+def _go_on(work: Work, output: Output, tally: Tally) -> None:
+    """Leave out what an interrupted run has finished, and say so."""
+    journal = output.journal
+    if journal is None:
+        return
+    if journal.dropped:
+        say(f"{output.place}: begun anew: what is unfinished there is of another command or of other inputs")
+    if journal.done:
+        work.finished = journal.done
+        tally.items, tally.vehicles, tally.poses = journal.items, journal.vehicles, journal.poses
+        verb = "is" if journal.items == 1 else "are"
+        say(f"{output.place}: going on: {counted(journal.items, work.noun)} {verb} finished")
+
+
+def _keep(
+    item: int, result: Result | InputError, output: Output, pictures: Pictures | None, tally: Tally
+) -> None:
+    """Write one result, or note what is wrong with it. What is computed is written even if its picture cannot
+    be drawn."""
+    if isinstance(result, InputError):
+        tally.errors.append(result)
+        return
+    frame, poses, name = result.frame, result.poses, ""
+    written = False
+    try:
+        with blamed(frame.place, files=False):  # a disk that is full is so for all of them
+            if output.named or pictures is not None:
+                name = output.names.of(frame.id)
+            output.write(frame, poses, name)
+        written = True
+        if pictures is not None:
+            with blamed(frame.place):
+                pictures.write(frame, poses, result.image, name)
+        tally.add(result)
+    except InputError as error:
+        tally.errors.append(error)
+    if written:
+        output.finished(item, result.vehicles, int(poses.ok.sum()), name)
 
 
 def _progress(work: Work, output: Output) -> Progress:
@@ -146,13 +243,19 @@ def _progress(work: Work, output: Output) -> Progress:
     return Progress(*columns, console=err, disable=not err.is_terminal or output.on_terminal, transient=True)
 
 
-def _report(work: Work, done: int, errors: list[InputError]) -> int:
-    for error in errors:
+def _report(work: Work, output: Output, tally: Tally, strict: bool) -> int:
+    """Say what is to be said; the exit status."""
+    for error in tally.errors:
         complain(error)
-    for remark in work.remarks():
-        console(stderr=True).print(remark, style="dim")
-    if not errors:
-        return 0
-    if work.several:
-        complain(f"{work.name}: {len(errors)} of {len(errors) + done} {work.noun} left out")
-    return 1 if done else 2
+    for remark in (*work.remarks(), *tally.remark_lines(work.noun)):
+        say(remark)
+    if tally.errors and work.several:
+        bad = len(tally.errors)
+        complain(f"{work.name}: {bad} of {bad + tally.items} {work.noun} left out")
+    if tally.items and output.place is not None:
+        say(tally.line(work.noun, output.place))
+    if tally.errors:
+        return 1 if tally.items else 2
+    left_out = work.passed_over
+    nothing = not tally.poses and tally.vehicles + left_out > 0
+    return int(nothing or (strict and (left_out > 0 or tally.poses < tally.vehicles)))

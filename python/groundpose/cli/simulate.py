@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from groundpose._core import InputError
-from groundpose.cli.output import complain, mistakes, refuse
+from groundpose.cli.output import complain, mistakes, refuse, show
 from groundpose.cli.progress import bar
 
 RANGE = "LOW..HIGH|VALUE"
@@ -203,4 +203,4 @@ def _run(frames: int, out: Path, settings: dict[str, object], jobs: int) -> None
         except KeyboardInterrupt:
             complain(f"interrupted; frames finished and written: {done}; the same command goes on")
             raise typer.Exit(130) from None
-    typer.echo(f"{done} frames, {objects} objects labelled in this run: {out.resolve()}")
+    show(f"{done} frames, {objects} objects labelled in this run: {out.resolve()}")

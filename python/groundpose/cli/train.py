@@ -11,7 +11,8 @@ import typer
 from rich.table import Table
 
 from groundpose._core import InputError
-from groundpose.cli.output import console, mistakes
+from groundpose._writing import write_text
+from groundpose.cli.output import console, mistakes, show
 from groundpose.cli.progress import bar, extra
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def train(
             for name, row in CONFIGS.items():
                 size = NETWORKS[row.network]
                 recipe = f"{row.epochs:g} epochs, {row.optimizer}, {row.schedule}"
-                typer.echo(f"{name:20} {size.width} x {size.height}, {recipe}")
+                show(f"{name:20} {size.width} x {size.height}, {recipe}")
             return
         wanted = changed(train_config(config), **_values(changes or []))
         folder = out or Path("runs") / config
@@ -115,7 +116,7 @@ def train(
         ended = _train(trainer, minutes)
         if ended and config == "smoke":
             export(folder, folder / "smoke.onnx", data, folder / "smoke_int8.onnx")
-    typer.echo(f"Run: {folder.resolve()}" + ("" if ended else " (not finished: the same command goes on)"))
+    show(f"Run: {folder.resolve()}" + ("" if ended else " (not finished: the same command goes on)"))
 
 
 def export(
@@ -184,7 +185,7 @@ def _train(trainer: Trainer, minutes: float | None) -> bool:
     name = trainer.config.network
     record = trainer.folder / "command.txt"
     if not record.exists():
-        record.write_text(" ".join(["groundpose", *sys.argv[1:]]) + "\n")
+        write_text(record, " ".join(["groundpose", *sys.argv[1:]]) + "\n")
     with bar() as shown:
         task = shown.add_task(name, total=trainer.steps, completed=trainer.step)
 

@@ -150,7 +150,7 @@ def _frame_ground(axes: Axes, poses: PoseBatch, reach: FloatArray) -> None:
     camera = poses.view.camera
     if camera.image_size is not None:
         for column in (0.0, float(camera.image_size[0])):
-            side, _, _ = camera.rays((column, camera.cy))
-            axes.plot([0.0, 200.0 * side], [0.0, 200.0], color=MISSING, linewidth=0.9, zorder=0)
+            side, _, ahead = 200.0 * camera.directions_of((column, camera.cy))  # NaN beyond a wide lens
+            axes.plot([0.0, side], [0.0, ahead], color=MISSING, linewidth=0.9, zorder=0)
     axes.plot(0.0, 0.0, marker="^", markersize=9, color=TRUTH, clip_on=False)
     axes.set(xlim=(-half, half), ylim=(near, high[1]), aspect="equal", xticks=(), yticks=())

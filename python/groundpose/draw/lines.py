@@ -1,4 +1,4 @@
-"""Lines of an object in the image: its 3D box, its shape, cut before the lens."""
+"""Lines of an object in the image: its 3D box, its shape, as far as the lens shows them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
+from groundpose.lens import LENSES
 from groundpose.poses import Pose, PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import View
@@ -29,7 +30,7 @@ _LEAST_SCORE = 0.1
 @dataclass(frozen=True, eq=False)
 class BoxLines:
     """A projected 3D box: the lines of its front face and the others (each (S, 2) pixels), the front as an
-    area (4, 2) when all of it is before the camera, and whether the front faces the camera."""
+    area (S, 2) when all of it is shown, and whether the front faces the camera."""
 
     front: list[FloatArray]
     others: list[FloatArray]
@@ -48,8 +49,17 @@ def box_lines(view: View, pose: Pose) -> BoxLines:
         if line is not None:
             (front if set(edge) <= set(_FRONT) else others).append(line)
     ahead = corners[list(_FRONT)]
-    area = view.camera.distort(view.project(ahead)) if (ahead[:, 2] > _NEAR).all() else None
-    return BoxLines(front, others, area, bool(pose.R[:, 2] @ ahead.mean(axis=0) < 0.0))
+    return BoxLines(front, others, _area(view, ahead), bool(pose.R[:, 2] @ ahead.mean(axis=0) < 0.0))
+
+
+def _area(view: View, corners: FloatArray) -> FloatArray | None:
+    """The outline of a face, (S, 2) pixels; None: not all of it is shown."""
+    if not _is_wide(view) and (corners[:, 2] <= _NEAR).any():
+        return None
+    steps = _steps(view)[:-1]
+    sides = [a + steps * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    outline = view.camera.image_of(np.concatenate(sides))
+    return None if np.isnan(outline).any() else outline
 
 
 def shape_lines(view: View, pose: Pose) -> tuple[list[FloatArray], list[FloatArray]]:
@@ -73,7 +83,14 @@ def shape_lines(view: View, pose: Pose) -> tuple[list[FloatArray], list[FloatArr
 
 
 def segment(view: View, ends: FloatArray) -> FloatArray | None:
-    """A line of the camera frame in the image, cut at the near plane; curved by a lens, so in steps."""
+    """A line of the camera frame in the image, (S, 2) pixels, as far as it is shown; None: nowhere.
+
+    It is cut at the near plane and, where a wide lens shows nothing, broken by NaN; curved by a lens, so in
+    steps.
+    """
+    if _is_wide(view):
+        line = view.camera.image_of(ends[0] + _steps(view) * (ends[1] - ends[0]))
+        return None if np.isnan(line).all() else line
     depths = ends[:, 2]
     if (depths <= _NEAR).all():
         return None
@@ -83,8 +100,19 @@ def segment(view: View, ends: FloatArray) -> FloatArray | None:
         ends = ends.copy()
         ends[behind] = ends[1 - behind] + fraction * (ends[behind] - ends[1 - behind])
         ends[behind, 2] = _NEAR
-    steps = np.linspace(0.0, 1.0, 2 if view.camera.distortion is None else 12)[:, None]
-    return view.camera.distort(view.project(ends[0] + steps * (ends[1] - ends[0])))
+    line = view.camera.image_of(ends[0] + _steps(view) * (ends[1] - ends[0]))
+    return None if np.isnan(line).all() else line
+
+
+def _is_wide(view: View) -> bool:
+    return view.camera.distortion is not None and LENSES[view.camera.lens].is_wide
+
+
+def _steps(view: View) -> FloatArray:
+    """(S, 1), 0 to 1: the ends of a line suffice where it stays straight."""
+    if view.camera.distortion is None:
+        return np.array([[0.0], [1.0]])
+    return np.linspace(0.0, 1.0, 33 if _is_wide(view) else 12)[:, None]
 
 
 def claimed(poses: PoseBatch) -> NDArray[np.bool_]:

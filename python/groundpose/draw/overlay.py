@@ -21,6 +21,8 @@ _MARK, _SMALLEST_MARK, _LARGEST_MARK = 0.05, 2.0, 5.5
 # hide them.
 _DETAILED = 24.0
 
+_LARGEST_BLANK = 8192  # pixels of a side that keypoints span where there is no image
+
 
 def draw_overlay(image: ArrayLike | None, poses: PoseBatch, axes: Axes | None = None) -> Axes:
     """2D boxes, projected 3D boxes with their front face in yellow, shapes and keypoints over the image.
@@ -37,7 +39,7 @@ def draw_overlay(image: ArrayLike | None, poses: PoseBatch, axes: Axes | None = 
     """
     axes = _new_axes() if axes is None else axes
     pixels = show(axes, checked_image(image, poses))
-    for index in np.argsort(np.where(poses.ok, -poses.t[:, 2], -np.inf)):  # far ones first
+    for index in np.argsort(np.where(poses.ok, -np.linalg.norm(poses.t, axis=1), -np.inf)):  # far ones first
         draw_object(axes, poses, int(index))
     height, width = pixels.shape[:2]
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=(), yticks=())
@@ -121,7 +123,7 @@ def _draw_keypoints(
         return
     if pose.ok:
         hidden = pose.keypoints_3d[~seen] @ pose.R.T + pose.t
-        places = poses.view.camera.distort(poses.view.project(hidden))
+        places = poses.view.camera.image_of(hidden)
         _scatter(axes, places, s=(0.75 * mark) ** 2, facecolors="none", edgecolors=MISSING, linewidths=0.8)
     wrong = pose.keypoints_2d[seen & ~inlier]
     _scatter(axes, wrong, s=(0.9 * mark) ** 2, marker="x", color=OUTLIER, linewidths=0.25 * mark)
@@ -157,9 +159,12 @@ def checked_image(image: Any, poses: PoseBatch) -> NDArray[Any]:
     size = poses.view.camera.image_size
     if image is None:
         if size is None:
-            points = poses.keypoints_2d[np.isfinite(poses.keypoints_2d).all(axis=2)]
+            points = poses.keypoints_2d
+            points = points[((points >= 0.0) & (points < _LARGEST_BLANK)).all(axis=2)]
             far = points.max(axis=0) + 20.0 if len(points) else (640.0, 480.0)
             size = (int(far[0]), int(far[1]))
+        if max(size) > 2 * _LARGEST_BLANK:
+            raise input_error("image", f"one, where the camera's image is {size[0]} x {size[1]}", "none")
         return np.full((size[1], size[0]), 245, dtype=np.uint8)
     pixels = np.asarray(image)
     if pixels.dtype.kind not in "uf" or pixels.ndim not in (2, 3):

@@ -26,6 +26,7 @@ from groundpose.draw.colours import (
 )
 from groundpose.draw.lines import claimed
 from groundpose.draw.overlay import checked_image, draw_overlay
+from groundpose.draw.save import save_figure
 from groundpose.poses import PoseBatch
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ _DPI = 100
 # height, its least height; strips and gaps.
 _OVERLAY, _WIDE_OVERLAY, _SLENDER, _LOWEST, _TITLE, _LEGEND, _GAP = 1500, 1700, 0.58, 560, 40, 40, 12
 _WIDE = 2.2
+_NARROWEST = 0.1  # width over height, of a paper of matplotlib
 
 
 def draw_poses(
@@ -52,7 +54,7 @@ def draw_poses(
     if path is not None:
         check_path(path)
     pixels = checked_image(image, poses)
-    aspect = pixels.shape[1] / pixels.shape[0]
+    aspect = max(pixels.shape[1] / pixels.shape[0], _NARROWEST)
     across = _WIDE_OVERLAY if aspect > _WIDE else _OVERLAY
     overlay = round(across / aspect)
     high = max(overlay + _LEGEND, _LOWEST)
@@ -78,7 +80,7 @@ def draw_poses(
         borderaxespad=0.5,
     )
     if path is not None:
-        figure.savefig(path, dpi=_DPI)
+        save_figure(figure, path, _DPI)
     return figure
 
 

@@ -14,6 +14,7 @@ from groundpose._checks import input_error
 from groundpose.draw.colours import GRID, PAPER
 from groundpose.draw.overlay import checked_image, draw_object, show
 from groundpose.draw.picture import check_path
+from groundpose.draw.save import save_figure
 from groundpose.poses import PoseBatch
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def contact_sheet(tiles: Sequence[Tile], path: str | PathLike[str] | None = None
         _draw(axes, tile)
         axes.set_title(tile.title, fontsize=9, pad=3.0, loc="left")
     if path is not None:
-        figure.savefig(path, dpi=_DPI)
+        save_figure(figure, path, _DPI)
     return figure
 
 

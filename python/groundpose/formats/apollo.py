@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from groundpose._checks import FloatArray, input_error
+from groundpose._checks import FloatArray, input_error, read_text
 from groundpose._core import InputError
 from groundpose.formats.fields import Field, parse
 from groundpose.formats.kitti.dataset import read_split
@@ -107,10 +107,8 @@ class ApolloSet:
             return None
         path = self.root / "car_poses" / f"{name}.json"
         try:
-            poses = [
-                _pose(field, len(self.models)) for field in parse(path.read_text("utf-8"), str(path)).items()
-            ]
-        except (OSError, UnicodeDecodeError) as error:
+            poses = [_pose(field, len(self.models)) for field in parse(read_text(path), str(path)).items()]
+        except OSError as error:
             skipped.add("image without readable poses", f"{path}: {error}")
             return None
         except InputError as error:
@@ -147,7 +145,7 @@ def read_keypoints(path: Path) -> FloatArray:
     """(66, 2) px, NaN = not labelled. Raises OSError, InputError naming the line; a file without any is
     one."""
     points = np.full((KEYPOINTS, 2), np.nan)
-    for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         if not line.strip():
             continue
         try:

@@ -20,7 +20,7 @@ from groundpose.formats.cameras.driving import (
 from groundpose.formats.cameras.matrices import matlab_entries, matrix_entries, stereo_entries
 from groundpose.formats.cameras.record import Entry, Record
 from groundpose.formats.cameras.scalars import carla_entries, own_entries, realsense_entries
-from groundpose.formats.cameras.slam import kalibr_entries, orb_entries, vins_entries
+from groundpose.formats.cameras.slam import basalt_entries, kalibr_entries, orb_entries, vins_entries
 from groundpose.formats.cameras.texts import colmap_entries, kitti_entries
 from groundpose.formats.content import Content, read_content
 from groundpose.formats.fields import Field
@@ -45,6 +45,7 @@ CALIBRATIONS: tuple[CalibrationFormat, ...] = (
     CalibrationFormat("KITTI's text with a line P2", in_text=kitti_entries),
     CalibrationFormat("COLMAP's cameras.txt", in_text=colmap_entries),
     CalibrationFormat("nuScenes' calibrated_sensor", nuscenes_entries),
+    CalibrationFormat("Basalt's list of intrinsics", basalt_entries),
     CalibrationFormat("Kalibr's camchain or EuRoC's sensor.yaml", kalibr_entries),
     CalibrationFormat("VINS' projection_parameters", vins_entries),
     CalibrationFormat("ORB-SLAM's or OpenVSLAM's Camera.fx", orb_entries),

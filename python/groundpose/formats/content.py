@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 
-from groundpose._checks import input_error
+from groundpose._checks import read_text
 from groundpose._core import InputError
 from groundpose.formats.fields import Field, parse
 
@@ -34,10 +33,7 @@ class Content:
 
 def read_content(path: str | PathLike[str]) -> Content:
     """The content of a file. Raises OSError (no such file), InputError (no text, broken JSON)."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise input_error(str(path), "a text file", "bytes that are not UTF-8") from None
+    text = read_text(path)
     return Content(str(path), text, _json(text, str(path)))
 
 

@@ -11,6 +11,7 @@ A frame is one object, in a file of its own or on one line of a JSON-lines file:
       "pitch_deg": 0.6, "roll_deg": 0,       # optional, default 0; or
       "gravity": [0.0, 1.0, 0.01],           # downwards, camera frame, instead of the two
       "camera_height": 1.5,                  # optional, metres
+      "time": 12.3,                          # optional, seconds
       "image": "000123.png",                 # optional, used by --draw
       "models": {"car": {"keypoints_3d": [[x, y, z], ...],
                          "bbox_3d": [[x, y, z], [x, y, z]],   # the rest is optional
@@ -42,7 +43,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from groundpose._checks import FloatArray, input_error
+from groundpose._checks import FloatArray, blamed, input_error, radians
 from groundpose._core import InputError
 from groundpose.formats.fields import Field, parse
 from groundpose.lens import DEFAULT_LENS, LENSES, lens_name
@@ -54,9 +55,10 @@ BUNDLED = "bundled:"
 
 _CAMERA = ("fx", "fy", "cx", "cy", "distortion", "image_size", "lens")
 _NAMES = "keypoint_names"
+_LIMITS = {"pitch_deg": 90.0, "roll_deg": 180.0}
 OBJECT_MEMBERS = ("id", "model", "keypoints_2d", "keypoint_scores", "bbox", "truth")
 TILT_MEMBERS = ("pitch_deg", "roll_deg", "gravity", "camera_height")
-FRAME_MEMBERS = ("id", "camera", *TILT_MEMBERS, "image", "models", "objects")
+FRAME_MEMBERS = ("id", "time", "camera", *TILT_MEMBERS, "image", "models", "objects")
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class FrameObject:
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame: where it came from, the view, its objects and their models."""
+    """One frame: where it came from, the view, its objects and their models, its time in seconds."""
 
     id: str | int
     place: str
@@ -82,6 +84,7 @@ class Frame:
     image: Path | None
     objects: tuple[FrameObject, ...]
     models: tuple[ShapeModel, ...]
+    time: float | None = None
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -137,10 +140,13 @@ class FrameSource:
         models: dict[str, ShapeModel] = {}
         for number, text in self._texts():
             place = f"{self.name}:{number}" if self.lines else self.name
+            frame: Frame | InputError
             try:
-                yield read_frame(parse(text, place), self.folder, models, default_id=number - 1)
+                with blamed(place):
+                    frame = read_frame(parse(text, place), self.folder, models, default_id=number - 1)
             except InputError as error:
-                yield error
+                frame = error
+            yield frame
 
     def _texts(self) -> Iterator[tuple[int, str]]:
         if self.lines:
@@ -177,7 +183,7 @@ def read_frame(
     view = read_view(root)
     items = root.need("objects").items()
     objects = tuple(_object(item, i, models) for i, item in enumerate(items))
-    image, name = root.get("image"), root.get("id")
+    image, name, time = root.get("image"), root.get("id"), root.get("time")
     return Frame(
         id=name.label() if name else default_id,
         place=root.place,
@@ -185,6 +191,7 @@ def read_frame(
         image=folder / image.text() if image else None,
         objects=objects,
         models=tuple(models[o.model] for o in objects),
+        time=time.number() if time else None,
     )
 
 
@@ -192,17 +199,17 @@ def read_view(root: Field) -> View:
     """Camera and tilt of an object that has them as a frame does. Raises InputError."""
     camera = read_camera(root.need("camera"))
     gravity, height = root.get("gravity"), root.get("camera_height")
-    angles = [angle for name in ("pitch_deg", "roll_deg") if (angle := root.get(name))]
+    angles = {name: angle for name in _LIMITS if (angle := root.get(name))}
     metres = height.number() if height else None
     if gravity:
-        for angle in angles:
+        for angle in angles.values():
             angle.fail("gravity or angles", "both")
         down = gravity.numbers(3)
         with gravity.blamed():
             return View.from_gravity(camera, down, metres)
-    radians = {angle.path: math.radians(angle.number()) for angle in angles}
+    tilt = {name: radians(angle.where, angle.number(), _LIMITS[name]) for name, angle in angles.items()}
     with root.blamed():
-        return View(camera, radians.get("pitch_deg", 0.0), radians.get("roll_deg", 0.0), metres)
+        return View(camera, tilt.get("pitch_deg", 0.0), tilt.get("roll_deg", 0.0), metres)
 
 
 def read_camera(field: Field) -> Camera:
@@ -232,7 +239,8 @@ def _model(field: Field, folder: Path) -> ShapeModel:
             with field.blamed():
                 return shape_model(field.value.removeprefix(BUNDLED))
         try:
-            return ShapeModel.load(folder / field.value)
+            with field.blamed():
+                return ShapeModel.load(folder / field.value)
         except OSError as error:
             field.fail("a file written by ShapeModel.save", f"{field.value}: {error.strerror}")
     field.members((*ARRAYS, _NAMES))
@@ -246,7 +254,8 @@ def _model(field: Field, folder: Path) -> ShapeModel:
 
 def model_members(model: ShapeModel) -> dict[str, Any]:
     """A model as frames have it, without its name, under which it stands in `models`."""
-    arrays = {name: array.tolist() for name in ARRAYS if (array := getattr(model, name)) is not None}
+    given = {name: getattr(model, name) for name in ARRAYS}
+    arrays = {name: a.tolist() for name, a in given.items() if a is not None and len(a)}
     return arrays | ({_NAMES: list(model.keypoint_names)} if model.keypoint_names else {})
 
 

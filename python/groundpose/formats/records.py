@@ -24,13 +24,13 @@ def pose_record(
     """One JSON line: `{"id": ..., "objects": [{"id", "model", "status", "R", "t", "yaw", ...}]}`.
 
     The members of an object are the fields of `Pose` of the same names; NaN is null. `more` are further
-    members of the line and `each` of its objects, written before the pose. A view that was estimated from
-    the frame adds its numbers and remarks to the line, sizes and positions to the objects.
+    members of the line, after the frame's time if it has one, and `each` of its objects, written before the
+    pose. What looks wrong in the input stands in `remarks`, if anything does. A view that was estimated from
+    the frame adds its numbers (and `remarks`, even of nothing) to the line, sizes and positions to the
+    objects.
     """
-    given, seen = more or {}, view_members(poses.view)
-    more = {**given, **seen}
-    if "remarks" in given and "remarks" in seen:
-        more["remarks"] = [*given["remarks"], *seen["remarks"]]
+    remarks, seen = list(poses.remarks), view_members(poses.view)
+    more = {**(more or {}), **seen, **({"remarks": remarks} if remarks or seen else {})}
     each = [{**a, **b} for a, b in zip(each or [{}] * len(poses), _on_road(poses), strict=True)]
     objects = [
         {
@@ -41,7 +41,8 @@ def pose_record(
         }
         for o, pose, extra in zip(frame.objects, poses, each, strict=True)
     ]
-    return json.dumps({"id": frame.id, **more, "objects": objects}, allow_nan=False)
+    time = {} if frame.time is None else {"time": frame.time}
+    return json.dumps({"id": frame.id, **time, **more, "objects": objects}, allow_nan=False)
 
 
 def tilt_members(view: View) -> dict[str, float]:
@@ -58,7 +59,6 @@ def view_members(view: View) -> dict[str, Any]:
         "pitch_sigma_deg": math.degrees(view.pitch_sigma),
         "roll_sigma_deg": math.degrees(view.roll_sigma),
         "camera_height_sigma": _plain(view.height_sigma),
-        "remarks": list(view.remarks),
     }
     return {**tilt_members(view), **sigmas}
 

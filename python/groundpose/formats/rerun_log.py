@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
+from contextlib import ExitStack
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from groundpose._checks import FloatArray, input_error
+from groundpose._writing import whole_path
 from groundpose.draw.colours import BOX, INLIER, MISSING, OUTLIER, POSE, POSE_LIGHT, TRUTH
 from groundpose.formats.conversions import to_quaternions
 from groundpose.poses import PoseBatch
@@ -44,21 +45,28 @@ class RerunLog:
     def __init__(self, path: str | PathLike[str]) -> None:
         """Begin the file. Raises InputError when rerun-sdk is not installed, OSError for a bad path."""
         self._rr = package()
-        Path(path).open("wb").close()  # a path that cannot be is an OSError, not a message of the library
+        self._place = ExitStack()
+        part = self._place.enter_context(whole_path(path))
+        part.open("wb").close()  # a path that cannot be is an OSError, not a message of the library
         self._stream = self._rr.RecordingStream("groundpose")
-        self._stream.save(str(path))
+        self._stream.save(str(part))
         self._stream.log("world", self._rr.ViewCoordinates.RDF, static=True)
 
     def __enter__(self) -> RerunLog:
         """The log itself."""
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Complete the file."""
-        self.close()
+    def __exit__(self, *error: Any) -> None:
+        """Complete the file; without it when the block ends with an error."""
+        self._end()
+        self._place.__exit__(*error)
 
     def close(self) -> None:
         """Complete the file."""
+        self._end()
+        self._place.close()
+
+    def _end(self) -> None:
         self._stream.flush()
         self._stream.disconnect()
 
@@ -116,7 +124,7 @@ class RerunLog:
         )
         given = np.asarray(np.isfinite(poses.keypoints_2d).all(axis=2))
         hidden = [
-            poses.view.project(pose.keypoints_3d[~seen[: len(pose.keypoints_3d)]] @ pose.R.T + pose.t)
+            poses.view.camera.image_of(pose.keypoints_3d[~seen[: len(pose.keypoints_3d)]] @ pose.R.T + pose.t)
             for pose, seen in zip(poses, given, strict=True)
             if pose.ok
         ]

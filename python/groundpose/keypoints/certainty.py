@@ -36,7 +36,8 @@ class Certainty:
     @classmethod
     def of(cls, stored: Mapping[str, Any]) -> Certainty:
         """From `numbers` of another."""
-        return cls(**{name: tuple(v) if isinstance(v, list) else v for name, v in stored.items()})
+        values: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in stored.items()}
+        return cls(**values)
 
     def numbers(self) -> dict[str, Any]:
         """The arguments by name, for JSON and `of`."""

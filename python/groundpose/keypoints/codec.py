@@ -29,6 +29,8 @@ STD = (58.4, 57.1, 57.4)
 """Standard deviation that the networks divide by."""
 FILL = (124, 116, 104)
 """Colour of what lies outside the image."""
+LARGEST_BOX = 1e6
+"""Pixels from the image's origin; a side beyond is a mistake, and its window would not fit an int."""
 MARGIN = 0.10
 """Fraction of a box's width and height that a window adds on each side."""
 
@@ -104,11 +106,13 @@ def cell_from_crop(pixels: ArrayLike, stride: float) -> FloatArray:
 
 
 def usable(bboxes: FloatArray, width: int, height: int) -> NDArray[np.bool_]:
-    """(N,): which boxes (N, 4) are finite, have an area and overlap an image of this size."""
+    """(N,): which boxes (N, 4) are finite, have an area, overlap an image of this size and are no larger than
+    `LARGEST_BOX`."""
     left, top, right, bottom = bboxes.T
     with np.errstate(invalid="ignore"):
         inside = (left < width - 0.5) & (top < height - 0.5) & (right > -0.5) & (bottom > -0.5)
-        return np.asarray(np.isfinite(bboxes).all(axis=1) & (right > left) & (bottom > top) & inside)
+        sane = (np.abs(bboxes) <= LARGEST_BOX).all(axis=1)
+        return np.asarray(sane & (right > left) & (bottom > top) & inside)
 
 
 def cut(image: ByteArray, window: FloatArray, width: int, height: int) -> ByteArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import warnings
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
@@ -25,8 +26,16 @@ _ORIENTATION, _UPRIGHT = 0x0112, 1
 """EXIF's tag and its value for a picture that is stored as it is shown."""
 _DRAWINGS = ("EPS", "PDF", "WMF")
 """Formats that other programs would have to draw."""
+_FOREIGN = ("BUFR", "GRIB", "HDF5", "MPEG")
+"""Formats that Pillow knows by name and cannot read."""
 _DEPTHS = (8, 10, 12, 14, 16)
 """Bits that cameras use; a file of 16 bits may hold less."""
+
+
+def endings() -> frozenset[str]:
+    """Endings of names of pictures, ".png": of all formats of pixels that Pillow reads."""
+    known = Image.registered_extensions().items()
+    return frozenset(end for end, form in known if form in Image.OPEN and form not in (*_DRAWINGS, *_FOREIGN))
 
 
 def as_rgb(image: Picture, exif: bool = True) -> ByteArray:
@@ -50,6 +59,8 @@ def as_rgb(image: Picture, exif: bool = True) -> ByteArray:
         return _opened(io.BytesIO(image), "image", exif)
     if isinstance(image, Image.Image):
         return _converted(image, "image", exif)
+    if isinstance(image, np.ma.MaskedArray):
+        raise type_error("image", f"{_WANTED}, not a masked one", image)
     if isinstance(image, np.ndarray):
         return _checked(image)
     if callable(getattr(image, "read", None)):
@@ -59,7 +70,10 @@ def as_rgb(image: Picture, exif: bool = True) -> ByteArray:
 
 def _opened(source: Path | IO[bytes], name: str, exif: bool) -> ByteArray:
     try:
-        with Image.open(source) as picture:
+        with warnings.catch_warnings():  # Pillow warns of what is refused here
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            picture = Image.open(source)
+        with picture:
             return _converted(picture, name, exif)
     except UnidentifiedImageError:
         raise input_error(name, "a picture", "another kind of file") from None

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import json
+from difflib import get_close_matches
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from groundpose._checks import input_error, integer, type_error
+from groundpose._checks import input_error, type_error
+from groundpose._core import InputError
 from groundpose.keypoints.certainty import Certainty
 from groundpose.keypoints.codec import ByteArray, Codec
-from groundpose.keypoints.decode import Calibration, Detections
+from groundpose.keypoints.decode import VIEWING_ANGLES, Calibration, Detections
+from groundpose.keypoints.onnx import OnnxFile
+from groundpose.options import Options
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS
 
@@ -22,8 +24,19 @@ FORMAT_VERSION = "2"
 _FIRST_OUTPUTS = ("keypoints", "spread", "peak", "kind_probabilities")
 OUTPUTS = {"1": _FIRST_OUTPUTS, FORMAT_VERSION: (*_FIRST_OUTPUTS, "vehicle", "viewing_angle")}
 """Names of a file's outputs by its version, in the order of the fields of `Detections`."""
+_LENGTHS: dict[str, tuple[int, ...]] = {
+    "keypoints": (len(KEYPOINTS), 2),
+    "spread": (len(KEYPOINTS),),
+    "peak": (len(KEYPOINTS),),
+    "kind_probabilities": (len(CLASSES),),
+    "vehicle": (),
+    "viewing_angle": (VIEWING_ANGLES,),
+}
+"""Lengths of an output's row."""
 CERTAINTY = "certainty"
 """Metadata key of `Certainty.numbers`, as JSON."""
+_MOST_PIXELS, _WIDEST_MARGIN = 2048, 4.0
+"""Bounds of a crop's sides and margin: a damaged file must not ask for gigabytes."""
 VEHICLE_THRESHOLD = 0.5
 """For files without the metadata key `vehicle_threshold`."""
 MODELS = Path(__file__).parent / "models"
@@ -39,6 +52,13 @@ _NOT_BUNDLED = (
 def bundled(name: str = "default") -> Path:
     """The file of a network of `BUNDLED`, whether it is there or not."""
     return MODELS / BUNDLED[name]
+
+
+def _no_file(name: str) -> str:
+    """What is said of a name that is neither a file nor one of ours, though it may be meant to be."""
+    meant = get_close_matches(name.lower(), BUNDLED, 1)
+    ours = "" if Path(name).suffix else f"; networks of the package: {', '.join(BUNDLED)}"
+    return "No such file or directory" + (f"; did you mean {meant[0]}?" if meant else ours)
 
 
 class Network:
@@ -59,38 +79,48 @@ class Network:
         Args:
             path: a file, or the name of a bundled network: "default" (also None), the most accurate; "int8",
                 more than twice as fast; "float32", as good as "int8", for processors that are slow in 8 bits.
-            threads: 1 or more.
+            threads: 1 or more, at most one for each core.
 
         Raises:
             OSError: no such file; the bundled one is not part of this installation.
-            InputError: not a network of ours, or one with other keypoints.
+            InputError: not a network of ours, one with other keypoints, a damaged one.
         """
         if path is not None and not isinstance(path, (str, PathLike)):
             raise type_error("path", "a path", path)
         name = "default" if path is None else fspath(path)
         self.path = bundled(name) if name in BUNDLED else Path(name)
-        if name in BUNDLED and not self.path.exists():
-            raise FileNotFoundError(2, _NOT_BUNDLED, str(self.path))
-        self._session = _session(self.path, threads)
+        if not self.path.exists():
+            raise FileNotFoundError(2, _NOT_BUNDLED if name in BUNDLED else _no_file(name), str(self.path))
+        self._file = OnnxFile(self.path, threads)
         self._threads = threads
-        self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
+        self.metadata = self._file.metadata
         self.version = self.metadata.get(FORMAT, "")
         if self.version not in OUTPUTS:
             versions = " or ".join(OUTPUTS)
-            raise input_error(
-                str(self.path), f"a keypoint network of version {versions}", "another ONNX file"
-            )
-        missing = set(OUTPUTS[self.version]) - {output.name for output in self._session.get_outputs()}
-        if missing:
-            raise input_error(str(self.path), f"the outputs of version {self.version}", f"no {min(missing)}")
+            self._file.fail(f"a keypoint network of version {versions}", "another ONNX file")
         for name, wanted in (("keypoints", [k.name for k in KEYPOINTS]), ("kinds", list(CLASSES))):
-            if json.loads(self.metadata[name]) != wanted:
-                raise input_error(str(self.path), f"the {name} of this version", "others")
-        size = (int(self.metadata["width"]), int(self.metadata["height"]))
-        self.codec = Codec(*size, float(self.metadata["margin"]))
-        self.calibration = Calibration.of(json.loads(self.metadata["score_calibration"]))
-        self.certainty = Certainty.of(json.loads(self.metadata.get(CERTAINTY, "{}")))
-        self.vehicle_threshold = float(self.metadata.get("vehicle_threshold", VEHICLE_THRESHOLD))
+            if self._file.json(name) != wanted:
+                self._file.fail(f"the {name} of this version", "others")
+        width, height = (self._file.whole(side, 1, _MOST_PIXELS) for side in ("width", "height"))
+        self.codec = Codec(width, height, self._file.number("margin", 0.0, _WIDEST_MARGIN))
+        self.calibration = Calibration.of(self._file.numbers("score_calibration", (3, 5)))
+        self.certainty = self._certainty()
+        self.vehicle_threshold = VEHICLE_THRESHOLD
+        if "vehicle_threshold" in self.metadata:
+            self.vehicle_threshold = self._file.number("vehicle_threshold", 0.0, 1.0)
+        self._file.shaped("crops", "input", (None, height, width, 3))
+        for name in OUTPUTS[self.version]:
+            self._file.shaped(name, "output", (None, *_LENGTHS[name]))
+
+    def _certainty(self) -> Certainty:
+        """That of the file. Raises InputError where the options of the solver would not take it."""
+        stored = self._file.json(CERTAINTY) if CERTAINTY in self.metadata else {}
+        try:
+            certainty = Certainty.of(stored)
+            certainty.applied(Options())
+        except (InputError, TypeError, ValueError, AttributeError) as error:
+            self._file.fail("numbers of `Certainty`", error, f"metadata {CERTAINTY!r}")
+        return certainty
 
     def __reduce__(self) -> tuple[type[Network], tuple[str, int | None]]:
         """Pickled as the place of its file, which another process loads again."""
@@ -107,23 +137,11 @@ class Network:
             raise input_error(
                 "crops", f"uint8 of shape (N, {wanted[0]}, {wanted[1]}, 3)", f"{crops.dtype} {crops.shape}"
             )
+        names = OUTPUTS[self.version]
         if len(crops) == 0:
-            shapes = ((0, len(KEYPOINTS), 2), (0, len(KEYPOINTS)), (0, len(KEYPOINTS)), (0, len(CLASSES)))
-            return Detections.of(*(np.zeros(shape) for shape in shapes))
-        return Detections.of(*self._session.run(list(OUTPUTS[self.version]), {"crops": crops}))
-
-
-def _session(path: Path, threads: int | None) -> Any:
-    import onnxruntime
-
-    path.open("rb").close()  # OSError in Python's own words
-    options = onnxruntime.SessionOptions()
-    options.log_severity_level = 3
-    if threads is not None:
-        if integer("threads", threads) < 1:
-            raise input_error("threads", "1 or more, or None for all cores", threads)
-        options.intra_op_num_threads = threads
-    try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime has its own class for each of a dozen kinds of damage
-        raise input_error(str(path), "an ONNX network", str(error).splitlines()[0][:120]) from None
+            return Detections.of(*(np.zeros((0, *_LENGTHS[name])) for name in _FIRST_OUTPUTS))
+        answers = self._file.run(names, crops=crops)
+        for name, answer in zip(names, answers, strict=True):
+            if answer.shape != (len(crops), *_LENGTHS[name]):
+                self._file.fail(f"{len(crops)} rows {_LENGTHS[name]} of {name}", answer.shape)
+        return Detections.of(*answers)

@@ -21,7 +21,6 @@ from groundpose.keypoints.decode import Detections
 from groundpose.keypoints.image import Picture, as_rgb
 from groundpose.keypoints.network import Network
 from groundpose.options import Options
-from groundpose.plausibility import answer_remarks, box_remarks, camera_remarks
 from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import View
@@ -32,6 +31,7 @@ from groundpose.vehicles.words import class_names
 
 NOT_A_VEHICLE = "not_a_vehicle"
 """Status of an object in whose box the network sees no vehicle; `_core.STATUS` has the solver's."""
+LARGEST_BATCH = 64
 _ROWS = {class_name: keypoint_indices(class_name) for class_name in CLASSES}
 
 
@@ -53,7 +53,8 @@ class VehiclePoses(PoseBatch):
         keypoint_scores: (N, P) probability of each keypoint to be right, NaN beyond an object's own.
         seconds: what the steps took: "crop", "network", "decode", "solve".
         ids: (N,) str or int of the objects: of their tracks or boxes where these have any, else 0 to N - 1.
-        input_remarks: what looks wrong in the camera and in the boxes, each as "kind: details".
+        box_remarks: what was done to the boxes that were given, each as "kind: details"; `remarks` has them
+            too.
     """
 
     classes: NDArray[np.str_]
@@ -63,13 +64,18 @@ class VehiclePoses(PoseBatch):
     keypoint_scores: FloatArray
     seconds: Mapping[str, float]
     ids: NDArray[np.object_]
-    input_remarks: tuple[str, ...]
+    box_remarks: tuple[str, ...]
 
     def __repr__(self) -> str:
         """How many of what have an answer."""
         named, counts = np.unique(self.classes[self.ok], return_counts=True)
         what = ", ".join(f"{count} {class_name}" for class_name, count in zip(named, counts, strict=True))
         return f"VehiclePoses({int(self.ok.sum())} of {len(self)} ok{': ' * bool(what)}{what})"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What looks wrong in the input: `PoseBatch.remarks` and what was done to the boxes."""
+        return (*self.box_remarks, *super().remarks)
 
     @property
     def class_probability(self) -> FloatArray:
@@ -127,6 +133,7 @@ class Pipeline:
         batch_size: int = 16,
         vehicle_threshold: float | None = None,
         classes: Mapping[str, str] | None = None,
+        camera_state: CameraState | None = None,
     ) -> None:
         """Load everything once.
 
@@ -137,12 +144,15 @@ class Pipeline:
             options: of the solver; what they leave open of the certainty is the network's
                 (`Network.certainty`).
             threads: of network and solver, 1 or more; None: all cores. A `Network` given keeps its own.
-            batch_size: most crops that the network sees at a time.
+            batch_size: most crops that the network sees at a time, at most 64: that bounds memory and how
+                long Ctrl-C waits.
             vehicle_threshold: objects whose probability to be a vehicle is lower get the status
                 "not_a_vehicle" and no pose; 0 to 1, None: the network's own, 0: every box is taken to hold
                 a vehicle.
             classes: names (or numbers, as text) of a detector's classes that are vehicles, `{"Kombi":
                 "car"}`, or none, `{"bus": "none"}`, beside the usual words (`groundpose.vehicles.words`).
+            camera_state: what is known of the one camera of all images; it is the `frame` of every call and
+                grows with each, in the order of the calls, so that calls must not overlap.
 
         Raises:
             OSError: no such file. InputError: a file that is not ours, an unknown class, a model with
@@ -155,9 +165,12 @@ class Pipeline:
         self.threads = threads
         if integer("batch_size", batch_size) < 1:
             raise input_error("batch_size", "1 or more", batch_size)
-        self.batch_size = batch_size
+        self.batch_size = min(batch_size, LARGEST_BATCH)
         self.vehicle_threshold = _threshold(vehicle_threshold, self.network)
         self.classes = class_names(classes or {})
+        if camera_state is not None and not isinstance(camera_state, CameraState):
+            raise type_error("camera_state", "a CameraState", camera_state)
+        self.camera_state = camera_state
         self.models = {class_name: shape_model(class_name) for class_name in CLASSES} | dict(models or {})
         for class_name, model in self.models.items():
             if class_name not in CLASSES:
@@ -185,14 +198,18 @@ class Pipeline:
                 box without area, outside the image or not finite, or without a vehicle gives an object
                 without an answer, and nothing of the others is lost.
             view: camera and tilt. A camera without `image_size` is taken to have the image's.
-            frame_tilt_sigma, frame: see `estimate_poses`.
+            frame_tilt_sigma, frame: see `estimate_poses`; `frame` is None where the pipeline has a
+                `camera_state`.
 
         Raises:
-            InputError: an image or boxes that cannot be, an image of another size than the camera's.
+            InputError: an image or boxes that cannot be, an image of another size than the camera's, `frame`
+                beside `camera_state`.
             OSError: no such file. TypeError: an argument of another type.
         """
         if not isinstance(view, View):
             raise type_error("view", "a View", view)
+        if frame is not None and self.camera_state is not None:
+            raise input_error("frame", "None where the pipeline has a camera_state", type(frame).__name__)
         pixels = as_rgb(image)
         size = (pixels.shape[1], pixels.shape[0])
         if view.camera.image_size not in (None, size):
@@ -210,7 +227,7 @@ class Pipeline:
             frame_tilt_sigma=frame_tilt_sigma,
             vehicle_probability=found.vehicle_probability,
             viewing_angle_probabilities=found.viewing_angle_probabilities,
-            frame=frame,
+            frame=self.camera_state if frame is None else frame,
         )
         watch.lap("solve")
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)
@@ -226,12 +243,7 @@ class Pipeline:
             keypoint_scores=scores,
             seconds=found.seconds,
             ids=_objects([box.id for box in given.boxes]),
-            input_remarks=(
-                *given.remarks,
-                *camera_remarks(view),
-                *box_remarks(boxes[~others], size),
-                *answer_remarks(status[~others]),
-            ),
+            box_remarks=given.remarks,
         )
 
     def detect(self, image: ByteArray, bboxes: FloatArray) -> Found:
@@ -241,10 +253,7 @@ class Pipeline:
         good = np.flatnonzero(usable(bboxes, image.shape[1], image.shape[0]))
         codec = self.network.codec
         windows, count = codec.windows(bboxes[good]), len(bboxes)
-        crops = codec.crops(image, bboxes[good])
-        watch.lap("crop")
-        detections = self._run(crops)
-        watch.lap("network")
+        detections = self._seen(image, bboxes[good], watch)
         points = codec.image_from_crop(detections.keypoints, windows)
         pixel = (windows[:, 2] - windows[:, 0]) / codec.width
         sides = (bboxes[good, 2:] - bboxes[good, :2]).max(axis=1, initial=0.0) / pixel
@@ -267,10 +276,15 @@ class Pipeline:
         watch.lap("decode")
         return Found(keypoints, each, classes, **said, no_vehicle=no_vehicle, seconds=seconds)
 
-    def _run(self, crops: ByteArray) -> Detections:
-        """In batches of similar size."""
-        parts = np.array_split(crops, max(1, -(-len(crops) // self.batch_size)))
-        answers = [self.network.detect(part) for part in parts]
+    def _seen(self, image: ByteArray, bboxes: FloatArray, watch: _Stopwatch) -> Detections:
+        """What the network says of boxes, in batches of similar size: their crops are made one batch after
+        the other."""
+        answers = []
+        for part in np.array_split(bboxes, max(1, -(-len(bboxes) // self.batch_size))):
+            crops = self.network.codec.crops(image, part)
+            watch.lap("crop")
+            answers.append(self.network.detect(crops))
+            watch.lap("network")
         if len(answers) == 1:
             return answers[0]
         names = Detections.__dataclass_fields__
@@ -299,14 +313,15 @@ def _objects(values: Sequence[object]) -> NDArray[np.object_]:
 
 
 class _Stopwatch:
-    """Writes what each step took."""
+    """Adds up what each step took."""
 
     def __init__(self, seconds: dict[str, float]) -> None:
         self._seconds, self._last = seconds, time.perf_counter()
 
     def lap(self, name: str) -> None:
         now = time.perf_counter()
-        self._seconds[name], self._last = now - self._last, now
+        self._seconds[name] = self._seconds.get(name, 0.0) + now - self._last
+        self._last = now
 
 
 def _boxes(value: object, size: tuple[int, int]) -> Boxes:

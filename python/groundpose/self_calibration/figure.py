@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from os import PathLike
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from groundpose._writing import whole_path
 from groundpose.self_calibration.calibrate import Calibration
 
 _BLUE, _GREY = "#1f5f99", "#999999"
@@ -39,7 +41,8 @@ def draw_calibration(calibration: Calibration, path: str | PathLike[str]) -> Non
         f"{profile.vehicles} vehicles: pitch {pitch:.2f} ± {math.degrees(profile.pitch_sigma):.2f} degrees, "
         f"height {height:.2f} ± {profile.height_sigma:.2f} m (standard deviations; shaded: 95 %)"
     )
-    figure.savefig(path, dpi=110)
+    with whole_path(path) as part:
+        figure.savefig(part, dpi=110, format=Path(path).suffix.lstrip(".") or "png")
 
 
 def _residuals(axis: object, calibration: Calibration) -> None:

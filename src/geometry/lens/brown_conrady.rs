@@ -9,7 +9,7 @@
 //! \end{aligned}
 //! ```
 
-use crate::geometry::lens::{Distorted, LensModel, newton};
+use crate::geometry::lens::{Distorted, LensModel, PlaneModel};
 
 /// Coefficients `k1, k2, p1, p2, k3`, in OpenCV's order.
 ///
@@ -39,7 +39,23 @@ impl BrownConrady {
     pub const fn new(coefficients: [f64; 5]) -> Self {
         Self { coefficients }
     }
+}
 
+impl LensModel for BrownConrady {
+    fn name(&self) -> &'static str {
+        Self::NAME
+    }
+
+    fn coefficients(&self) -> &[f64] {
+        &self.coefficients
+    }
+
+    fn is_ideal(&self) -> bool {
+        self.coefficients.iter().all(|&c| c == 0.0)
+    }
+}
+
+impl PlaneModel for BrownConrady {
     fn at(&self, [x, y]: [f64; 2]) -> Distorted {
         let [k1, k2, p1, p2, k3] = self.coefficients;
         let r2 = x * x + y * y;
@@ -57,23 +73,5 @@ impl BrownConrady {
             radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
         ];
         Distorted { point, jacobian }
-    }
-}
-
-impl LensModel for BrownConrady {
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
-    fn coefficients(&self) -> &[f64] {
-        &self.coefficients
-    }
-
-    fn distort(&self, point: [f64; 2]) -> [f64; 2] {
-        self.at(point).point
-    }
-
-    fn undistort(&self, target: [f64; 2]) -> Option<[f64; 2]> {
-        newton(target, |point| self.at(point))
     }
 }

@@ -1,19 +1,21 @@
 //! The fisheye of Kannala and Brandt as OpenCV and ROS have it: the angle from the optical axis, not its tangent, becomes
 //! the distance from the principal point.
 //!
-//! With $`r^2 = x^2 + y^2`$ and $`\theta = \arctan r`$
+//! With $`r^2 = X^2 + Y^2`$ and $`\theta = \operatorname{atan2}(r, Z)`$ of a direction $`(X, Y, Z)`$
 //!
 //! ```math
 //! \theta_d = \theta \, (1 + k_1 \theta^2 + k_2 \theta^4 + k_3 \theta^6 + k_4 \theta^8), \qquad
-//! \begin{bmatrix} x' \\ y' \end{bmatrix} = \frac{\theta_d}{r} \begin{bmatrix} x \\ y \end{bmatrix} .
+//! \begin{bmatrix} x' \\ y' \end{bmatrix} = \frac{\theta_d}{r} \begin{bmatrix} X \\ Y \end{bmatrix} .
 //! ```
 //!
-//! Normalised coordinates exist below 90 degrees from the axis, and only what lies there is undone.
+//! It holds up to the angle at which $`\theta_d`$ stops to grow, or all round; it need not stop at 90 degrees.
 
-use core::f64::consts::FRAC_PI_2;
+use core::f64::consts::{FRAC_PI_2, PI};
 
-use crate::geometry::lens::LensModel;
-use crate::geometry::math::{atan, norm2, tan};
+use nalgebra::Vector3;
+
+use crate::geometry::lens::{LensModel, RayModel};
+use crate::geometry::math::{atan2, cos, norm2, sin};
 
 /// Coefficients `k1, k2, k3, k4`, in OpenCV's order; with all of them 0 the lens is a fisheye all the same.
 ///
@@ -26,13 +28,15 @@ use crate::geometry::math::{atan, norm2, tan};
 /// let camera = Camera::new(400.0, 400.0, 640.0, 480.0)?.with_lens(lens)?;
 /// let seen = camera.distort([1040.0, 480.0]);
 /// assert!((seen[0] - (640.0 + 100.0 * core::f64::consts::PI)).abs() < 1e-9);
-/// assert!(camera.undistort([640.0 + 639.0, 480.0]).is_none(), "beyond 90 degrees");
+/// // An ideal pinhole shows nothing at 90 degrees and more, this lens does.
+/// assert!(camera.undistort([640.0 + 639.0, 480.0]).is_none());
+/// assert!(camera.direction_of([640.0 + 639.0, 480.0]).unwrap().z < 0.0);
 /// # Ok::<(), groundpose::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Equidistant {
     coefficients: [f64; 4],
-    /// Up to this angle, at most 90 degrees, the model grows.
+    /// Up to this angle the model grows.
     limit: f64,
 }
 
@@ -52,10 +56,10 @@ impl Equidistant {
     /// From `k1, k2, k3, k4`; [`Camera::with_lens`](crate::Camera::with_lens) checks them.
     #[must_use]
     pub fn new(coefficients: [f64; 4]) -> Self {
-        let lens = Self { coefficients, limit: FRAC_PI_2 };
+        let lens = Self { coefficients, limit: PI };
         let angle = |step: usize| FRAC_PI_2 * step as f64 / STEPS as f64;
         let grows = |theta: &f64| lens.at(*theta)[1] > 0.0;
-        let limit = (1..=STEPS).find(|&step| !grows(&angle(step))).map_or(FRAC_PI_2, |step| {
+        let limit = (1..=2 * STEPS).find(|&step| !grows(&angle(step))).map_or(PI, |step| {
             let (mut low, mut high) = (angle(step - 1), angle(step));
             for _ in 0..HALVINGS {
                 let middle = 0.5 * (low + high);
@@ -85,7 +89,7 @@ impl Equidistant {
             *(if value < distance { &mut low } else { &mut high }) = theta;
             let newton = theta - (value - distance) / slope;
             let next = if low < newton && newton < high { newton } else { 0.5 * (low + high) };
-            if next == theta || (next - theta).abs() < 1e-16 * (1.0 + theta) {
+            if (next - theta).abs() < f64::EPSILON * (1.0 + theta) {
                 return Some(next);
             }
             theta = next;
@@ -102,23 +106,26 @@ impl LensModel for Equidistant {
     fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }
+}
 
-    fn is_ideal(&self) -> bool {
-        false
+impl RayModel for Equidistant {
+    fn image_of(&self, ray: &Vector3<f64>) -> Option<[f64; 2]> {
+        let r = norm2(ray.x, ray.y);
+        let theta = atan2(r, ray.z);
+        if !(theta < self.limit) {
+            return None;
+        }
+        let scale = if r == 0.0 { 1.0 } else { self.at(theta)[0] / r };
+        Some([scale * ray.x, scale * ray.y])
     }
 
-    fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let r = norm2(x, y);
-        let scale = if r == 0.0 { 1.0 } else { self.at(atan(r))[0] / r };
-        [scale * x, scale * y]
-    }
-
-    fn undistort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+    fn ray_of(&self, [x, y]: [f64; 2]) -> Option<Vector3<f64>> {
         let distance = norm2(x, y);
         if distance == 0.0 {
-            return Some([x, y]);
+            return Some(Vector3::z());
         }
-        let scale = tan(self.angle(distance)?) / distance;
-        Some([scale * x, scale * y])
+        let theta = self.angle(distance)?;
+        let scale = sin(theta) / distance;
+        Some(Vector3::new(scale * x, scale * y, cos(theta)))
     }
 }

@@ -17,7 +17,7 @@
 //! R \begin{bmatrix} x'' \\ y'' \\ 1 \end{bmatrix} .
 //! ```
 
-use crate::geometry::lens::{Distorted, LensModel, newton};
+use crate::geometry::lens::{Distorted, LensModel, PlaneModel};
 use crate::geometry::math::{cos, sin};
 
 /// Coefficients `k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y`, in OpenCV's order.
@@ -62,12 +62,6 @@ impl Rational {
             coefficients[..given.len()].copy_from_slice(given);
             Self { coefficients }
         })
-    }
-
-    fn at(&self, point: [f64; 2]) -> Distorted {
-        let untilted = self.untilted(point);
-        let [.., tau_x, tau_y] = self.coefficients;
-        if tau_x == 0.0 && tau_y == 0.0 { untilted } else { tilted([tau_x, tau_y], &untilted) }
     }
 
     /// On a sensor across the optical axis.
@@ -123,11 +117,15 @@ impl LensModel for Rational {
         &self.coefficients
     }
 
-    fn distort(&self, point: [f64; 2]) -> [f64; 2] {
-        self.at(point).point
+    fn is_ideal(&self) -> bool {
+        self.coefficients.iter().all(|&c| c == 0.0)
     }
+}
 
-    fn undistort(&self, target: [f64; 2]) -> Option<[f64; 2]> {
-        newton(target, |point| self.at(point))
+impl PlaneModel for Rational {
+    fn at(&self, point: [f64; 2]) -> Distorted {
+        let untilted = self.untilted(point);
+        let [.., tau_x, tau_y] = self.coefficients;
+        if tau_x == 0.0 && tau_y == 0.0 { untilted } else { tilted([tau_x, tau_y], &untilted) }
     }
 }

@@ -51,8 +51,8 @@ COEFFICIENTS = (
 def named_lens(record: Record) -> Field | None:
     """The field that names the lens model: a name of `LENSES` is `lens_in` it; None: none does.
 
-    Raises InputError for a model that groundpose has not, for two that differ, and for an omnidirectional
-    camera's parameters.
+    Raises InputError for a model that groundpose has not, for two that differ, and for the parameters of a
+    mirror or of spheres where the format has no place for them.
     """
     for key in ("xi", "mirror_parameters"):
         field = record.get(key)
@@ -111,12 +111,16 @@ def listed(record: Record, *keys: str) -> tuple[str, tuple[float, ...] | None]:
 def by_name(record: Record, names: Record | None = None) -> tuple[str, tuple[float, ...] | None]:
     """Lens model and coefficients that stand each under its own key (k1, k2, p1 ...) of `names`."""
     lens, names = lens_in(named_lens(record)), names or record
-    order = LENSES["equidistant" if lens == "equidistant" else "rational"].coefficients
+    order = LENSES[lens if lens and _is_wide(lens) else "rational"].coefficients
     for key in LENSES["rational"].coefficients:
         field = names.get(key)
         if field is not None and key not in order and only(field):
-            field.fail(f"{', '.join(order)} of the lens model equidistant", f"{key} beside them")
+            field.fail(f"{', '.join(order)} of the lens model {lens}", f"{key} beside them")
     return _lens(lens, [names.optional(key) for key in order], names.field)
+
+
+def _is_wide(lens: str) -> bool:
+    return lens in LENSES and LENSES[lens].is_wide
 
 
 def _lens(lens: str | None, given: Sequence[float], field: Field) -> tuple[str, tuple[float, ...] | None]:
@@ -124,10 +128,13 @@ def _lens(lens: str | None, given: Sequence[float], field: Field) -> tuple[str, 
     k = list(given)
     while k and k[-1] == 0.0:
         k.pop()
-    if lens == "equidistant":
-        if len(given) < 4 or len(k) > 4:
-            field.fail("four coefficients of a fisheye", f"{len(given)} numbers")
-        return lens, (*k, *[0.0] * (4 - len(k)))
+    if lens is not None and _is_wide(lens):
+        names = LENSES[lens].coefficients
+        if len(given) < len(names) or len(k) > len(names):
+            said = f"{', '.join(names)} of the lens model {lens}"
+            expected = "four coefficients of a fisheye" if lens == "equidistant" else said
+            field.fail(expected, f"{len(given)} numbers")
+        return lens, (*k, *[0.0] * (len(names) - len(k)))
     if not k:
         return DEFAULT_LENS, None
     if lens in _IDEAL_AT_ZERO:

@@ -10,7 +10,7 @@ from groundpose._core import InputError
 from groundpose.calibration import kitti_lines, kitti_numbers
 from groundpose.formats.cameras.record import Entry
 from groundpose.formats.content import Content
-from groundpose.lens import DEFAULT_LENS
+from groundpose.lens import DEFAULT_LENS, LENSES
 from groundpose.types import Camera, View
 
 _KITTI = re.compile(r"P([0-9])|P_rect_([0-9]{2})|K_([0-9]{2})")
@@ -89,6 +89,7 @@ _COLMAP: dict[str, tuple[str, tuple[int, ...]]] = {
     "SIMPLE_RADIAL_FISHEYE": (_FISHEYE, (0,)),
     "RADIAL_FISHEYE": (_FISHEYE, (0, 1)),
     "OPENCV_FISHEYE": (_FISHEYE, (0, 1, 2, 3)),
+    "FOV": ("field_of_view", (0,)),
 }
 """Models of COLMAP: our lens model, and the places of their coefficients in it."""
 _ONE_FOCAL_LENGTH = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
@@ -113,7 +114,7 @@ def _read_colmap(place: str, words: list[str]) -> View:
     given = kitti_numbers(f"{place}: PARAMS", " ".join(rest), (3 if shared else 4) + len(places)).tolist()
     fx, fy, cx, cy, *k = [given[0], *given] if shared else given
     size = (int(width), int(height))
-    coefficients = (*k, *[0.0] * ({"rational": 8}.get(lens, 4) - len(k)))
+    coefficients = (*k, *[0.0] * (LENSES[lens].counts[0] - len(k)))
     ideal = lens != _FISHEYE and not any(k)
     K = [[fx, 0.0, cx - 0.5], [0.0, fy, cy - 0.5], [0.0, 0.0, 1.0]]
     return _view(place, K, None if ideal else list(coefficients), size, _OPENCV if ideal else lens)

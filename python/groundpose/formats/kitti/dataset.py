@@ -19,7 +19,7 @@ from typing import Protocol
 
 import numpy as np
 
-from groundpose._checks import FloatArray, input_error
+from groundpose._checks import FloatArray, input_error, read_text
 from groundpose._core import InputError
 from groundpose.calibration import read_kitti_projection
 from groundpose.formats.kitti.labels import DONT_CARE, KittiLabel, TrackedLabel, read_labels, read_tracking
@@ -211,7 +211,7 @@ class KittiSet:
 def read_split(path: Path, skipped: Skips) -> list[str]:
     """Names of an ImageSets file. Raises OSError, InputError when there is none in it."""
     names: dict[str, None] = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         name = line.strip()
         if not name:
             continue

@@ -117,7 +117,7 @@ def bottom_centres(poses: PoseBatch) -> FloatArray:
 def _projected_box(poses: PoseBatch, i: int) -> FloatArray:
     """Extent (4,) of the 3D box in the image, cut at the image border if its size is known."""
     corners = np.array(list(itertools.product(*poses.models[i].bbox_3d.T)))
-    pixels = poses.view.project(corners @ poses.R[i].T + poses.t[i])
+    pixels = poses.view.camera.image_of(corners @ poses.R[i].T + poses.t[i])
     if np.isnan(pixels).any():
         return np.full(4, np.nan)
     size = poses.view.camera.image_size

@@ -7,7 +7,6 @@ x1, y1, x2, y2, h, w, l, x, y, z, ry, det_score, det_x1 ... det_y2, imgW, imgH),
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,12 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from groundpose._checks import FloatArray, input_error
+from groundpose._checks import FloatArray, describe, finite, input_error
+from groundpose._core import InputError
+from groundpose._npz import read_arrays
 from groundpose.formats.kitti.dataset import KittiFrame, read_split
 from groundpose.formats.kitti.labels import KittiLabel
 from groundpose.formats.skips import Skips
 
-_ARRAYS = ("rows", "cols", "classes", "P2_by_seq")
+_ARRAYS = {"rows": ("fiu", 2), "cols": ("U", 1), "classes": ("U", 1), "P2_by_seq": ("fiu", 3)}
+"""Kinds of their dtypes, and their dimensions."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +34,20 @@ class KittiTable:
 
     @cached_property
     def _content(self) -> dict[str, Any]:
-        try:
-            with np.load(self.root, allow_pickle=False) as data:
-                content = {name: data[name] for name in _ARRAYS}
-        except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise input_error(str(self.root), f"arrays {', '.join(_ARRAYS)}", error) from None
+        content = read_arrays(self.root, f"arrays {', '.join(_ARRAYS)}")
+        if missing := set(_ARRAYS) - set(content):
+            raise input_error(str(self.root), f"arrays {', '.join(_ARRAYS)}", f"no {min(missing)}")
+        for name, (kinds, dimensions) in _ARRAYS.items():
+            if content[name].dtype.kind not in kinds or content[name].ndim != dimensions:
+                expected = f"an array of {dimensions} dimensions"
+                raise input_error(f"{self.root}: {name}", expected, describe(content[name]))
         return {**content, "cols": content["cols"].tolist(), "classes": content["classes"].tolist()}
 
     @cached_property
     def _frames(self) -> dict[str, list[int]]:
         """Rows of each frame."""
-        seq, frame = (self._column(name).astype(int).tolist() for name in ("seq", "frame"))
+        numbers = (finite(f"{self.root}: {name}", self._column(name)) for name in ("seq", "frame"))
+        seq, frame = (column.astype(int).tolist() for column in numbers)
         found: dict[str, list[int]] = {}
         for row, (s, f) in enumerate(zip(seq, frame, strict=True)):
             found.setdefault(f"{s:02d}/{f:06d}", []).append(row)
@@ -67,6 +72,15 @@ class KittiTable:
         if rows is None:
             skipped.add("frame that is not in the table", frame_id)
             return None
+        try:
+            return self._frame(frame_id, rows)
+        except InputError:
+            raise
+        except (IndexError, ValueError, OverflowError) as error:  # a class or a sequence that is not there
+            skipped.add("frame of other arrays", f"{self.root}: {frame_id}: {error}")
+            return None
+
+    def _frame(self, frame_id: str, rows: list[int]) -> KittiFrame:
         projection = self._content["P2_by_seq"][int(frame_id.partition("/")[0])]
         size = (int(self._column("imgW")[rows[0]]), int(self._column("imgH")[rows[0]]))
         labels = [self._label(row) for row in rows]
@@ -74,6 +88,16 @@ class KittiTable:
         return KittiFrame(
             frame_id, projection, size, None, labels, detections if self.with_detections else None
         )
+
+    def vehicles(self, frame_id: str) -> list[int]:
+        """Numbers of a frame's vehicles, in the order of its labels; the same in all frames of a sequence."""
+        track = self._column("track")
+        return [int(track[row]) for row in self._frames[frame_id]]
+
+    def detections(self, frame_id: str) -> list[KittiLabel | None]:
+        """The detection of each label of a frame; None: it was not found."""
+        found = self._column("det_score")
+        return [self._detection(row) if np.isfinite(found[row]) else None for row in self._frames[frame_id]]
 
     def _values(self, row: int, names: str) -> list[float]:
         return [float(self._column(name)[row]) for name in names.split()]

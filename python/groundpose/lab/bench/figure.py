@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+from groundpose.draw.save import save_figure
 from groundpose.lab.contenders.registry import DEFAULT
 from groundpose.lab.contenders.styles import ORANGE, RED, in_legend_order, style_of
 
@@ -57,7 +58,7 @@ def draw(cases: dict[str, Any]) -> Figure:
 def write(cases: dict[str, Any], path: Path) -> None:
     """PNG, SVG or PDF by the name."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    draw(cases).savefig(path, dpi=110)
+    save_figure(draw(cases), path, 110)
 
 
 def _plain(axis: Axes, title: str) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from groundpose._core import InputError
+from groundpose._writing import write_text
 from groundpose.lab.bench import stages, targets
 from groundpose.lab.bench.targets import line
 from groundpose.lab.contenders.registry import DEFAULT, TO_BEAT
@@ -187,5 +188,5 @@ def write_page(root: Path) -> Path | None:
     page = root / PAGE
     if not content:
         return None
-    page.write_text(filled(page.read_text("utf-8"), content), "utf-8")
+    write_text(page, filled(page.read_text("utf-8"), content))
     return page

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from groundpose._checks import FloatArray
+from groundpose.draw.save import save_figure
 from groundpose.lab.bodies.body import MATERIALS, Body
 from groundpose.lab.bodies.catalogue import body
 from groundpose.lab.bodies.geometry.mesh import rotation
@@ -139,7 +140,7 @@ def main(folder: Path = FOLDER) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for class_name in CLASSES:
         path = folder / f"keypoints_{class_name}.png"
-        draw_keypoints(class_name).savefig(path, dpi=110)
+        save_figure(draw_keypoints(class_name), path, 110)
         print(path)
 
 

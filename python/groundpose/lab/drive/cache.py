@@ -21,6 +21,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from groundpose._writing import whole_file
+
 Arrays = dict[str, NDArray[Any]]
 
 VARIABLE = "GROUNDPOSE_CACHE"
@@ -91,13 +93,8 @@ def arrays(name: str, keys: frozenset[str], make: Callable[[], Arrays]) -> Array
 
 def _write(path: Path, made: Arrays) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(f".tmp{os.getpid()}")
-    try:
-        with temporary.open("wb") as file:
-            _write_npz(file, made)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(path, "wb", sync=False) as file:
+        _write_npz(file, made)
 
 
 def _write_npz(file: IO[bytes], made: Arrays) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from PIL import Image
 
+from groundpose._writing import write_text
 from groundpose.demo.street import IMAGE, LABELS
 from groundpose.lab.drive import Label, labels, scene, scene_seed
 from groundpose.lab.drive.record import frame_line
@@ -43,7 +44,7 @@ def main(
     rows = ",\n  ".join(json.dumps(item) for item in record.pop("objects"))
     head = json.dumps(record)[:-1]
     text = f'{head},\n "objects": [\n  {rows}]}}\n'
-    image.with_suffix(LABELS.suffix).write_text(text, encoding="utf-8")
+    write_text(image.with_suffix(LABELS.suffix), text)
     print(f"{image}: {image.stat().st_size / 1000:.0f} kB, {len(shown)} vehicles")
 
 

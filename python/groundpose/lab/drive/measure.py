@@ -10,18 +10,18 @@ import argparse
 import json
 import time
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from groundpose._checks import FloatArray
+from groundpose._writing import write_text
 from groundpose.lab.drive.drive import scene
 from groundpose.lab.drive.ego import FRAMES_PER_DRIVE
 from groundpose.lab.drive.labels import VISIBLE, labels
 from groundpose.lab.drive.splits import SPLITS, scene_seed
+from groundpose.lab.processes import worker_pool
 
 OUT = Path("results/simulation.json")
 PERCENTILES = (5, 25, 50, 75, 95)
@@ -61,7 +61,7 @@ def measure(objects: int, seed: int, split: str, jobs: int) -> dict[str, Any]:
     rows: list[tuple[float, ...]] = []
     tilt, names, drives, busy = [], Counter[str](), 0, 0.0
     start = time.perf_counter()
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+    with worker_pool(jobs) as pool:
         while len(rows) < objects:
             block = range(drives, drives + 4 * jobs)
             for found in pool.map(drive_numbers, [scene_seed(seed, split)] * len(block), block):
@@ -142,7 +142,7 @@ def main() -> None:
     given = parser.parse_args()
     result = measure(given.objects, given.seed, given.split, given.jobs)
     given.out.parent.mkdir(parents=True, exist_ok=True)
-    given.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_text(given.out, json.dumps(result, indent=1) + "\n")
     print(f"{result['objects']} objects, {result['objects_per_second']} a second: {given.out}")
 
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import itertools
-import signal
 from collections import deque
 from collections.abc import Generator, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import cache
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +22,7 @@ from groundpose.lab.drive.scene import Scene
 from groundpose.lab.drive.splits import scene_seed
 from groundpose.lab.drive.traffic import DEFAULT_SHARES, check_shares
 from groundpose.lab.drive.video.clip import VideoFrame, check_video, make_clip, video_frame
+from groundpose.lab.processes import worker_pool
 
 FORMATS = ("png", "jpg", "mp4")
 _VERSION = 1
@@ -35,8 +33,8 @@ _SAVE: dict[str, tuple[str, dict[str, Any]]] = {
 }
 SUFFIX = {"png": "png", "jpg": "jpg", "mp4": "jpg"}
 """Of the pictures by format; those of a video remain beside it."""
-# Frames given to a process at once: few when they are drawn, so that an interruption loses little.
-_BLOCK = {True: 4, False: FRAMES_PER_DRIVE}
+# Frames given to a process at once: one when they are drawn, so that an interruption loses little.
+_BLOCK = {True: 1, False: FRAMES_PER_DRIVE}
 
 
 @dataclass(frozen=True)
@@ -118,39 +116,24 @@ def temporary(path: Path) -> Path:
 def make_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Generator[Frame, None, None]:
     """The frames in order, made by `jobs` processes (1: by this one)."""
     size = _BLOCK[settings.images is not None]
-    edges = sorted(
-        {numbers.start, numbers.stop, *range(-(-numbers.start // size) * size, numbers.stop, size)}
-    )
+    inner = range(-(-numbers.start // size) * size, numbers.stop, size)
+    edges = sorted({numbers.start, numbers.start + 1, numbers.stop, *inner})
     blocks = [range(a, b) for a, b in itertools.pairwise(edges)]
     if jobs == 1 or len(blocks) == 1:
         for block in blocks:
             for number in block:
                 yield _make_frame(out, number, settings)
         return
-    others = set(active_children())
-    with ProcessPoolExecutor(min(jobs, len(blocks)), get_context("spawn"), _leave_interrupts) as pool:
+    # The first one here, before other processes compete: a run that is killed early has kept it.
+    yield from _make_block(out, blocks.pop(0), settings)
+    with worker_pool(min(jobs, len(blocks))) as pool:
         waiting: deque[Future[list[Frame]]] = deque()
-        try:
-            for block in blocks:
-                waiting.append(pool.submit(_make_block, out, block, settings))
-                if len(waiting) > 2 * jobs:
-                    yield from waiting.popleft().result()
-            while waiting:
+        for block in blocks:
+            waiting.append(pool.submit(_make_block, out, block, settings))
+            if len(waiting) > 2 * jobs:
                 yield from waiting.popleft().result()
-        except BrokenProcessPool:
-            raise input_error(
-                "jobs", "as many processes as memory allows", f"{jobs}; one was ended"
-            ) from None
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in set(active_children()) - others:
-                child.terminate()  # their work is no longer needed
-            raise
-
-
-def _leave_interrupts() -> None:
-    """Ignore Ctrl-C in workers, because it reaches every process and the parent handles it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+        while waiting:
+            yield from waiting.popleft().result()
 
 
 def _make_block(out: Path, block: range, settings: Settings) -> list[Frame]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from groundpose._checks import input_error, integer
+from groundpose._writing import LOCK, only_writer
 from groundpose.lab.drive.coco import write_lines
 from groundpose.lab.drive.record import (
     ODOMETRY_COLUMNS,
@@ -55,23 +56,25 @@ def write_drive(
     Returns the number of objects labelled in this run.
 
     Raises:
-        InputError: an invalid number, a folder with other settings or foreign content.
+        InputError: an invalid number, a folder with other settings or foreign content, another run in it.
         OSError: disk full, no such folder, no permission; complete frames stay.
     """
     if integer("frames", frames) < 1:
         raise input_error("frames", "1 or more", frames)
     if integer("jobs", jobs) < 1:
         raise input_error("jobs", "1 or more", jobs)
-    _open_folder(out, settings)
-    done, objects = _whole_frames(out, settings), 0
-    advance(done, frames, objects)
-    numbers = range(settings.first + done, settings.first + frames)
-    with closing(_add_frames(out, numbers, settings, jobs)) as added:
-        for count in added:
-            done, objects = done + 1, objects + count
-            advance(done, frames, objects)
-    if not all((out / name).exists() for name in _covering(settings)):
-        _summaries(out, settings)
+    out.mkdir(parents=True, exist_ok=True)
+    with only_writer(out):
+        _open_folder(out, settings)
+        done, objects = _whole_frames(out, settings), 0
+        advance(done, frames, objects)
+        numbers = range(settings.first + done, settings.first + frames)
+        with closing(_add_frames(out, numbers, settings, jobs)) as added:
+            for count in added:
+                done, objects = done + 1, objects + count
+                advance(done, frames, objects)
+        if not all((out / name).exists() for name in _covering(settings)):
+            _summaries(out, settings)
     return objects
 
 
@@ -103,11 +106,10 @@ def _open_folder(out: Path, settings: Settings) -> None:
         found = {"rig": DEFAULT_RIG, **(found if isinstance(found, dict) else {})}
         for key, wanted in json.loads(json.dumps(asdict(settings))).items():
             if found.get(key) != wanted:
-                expected = f"{key} {found.get(key)!r}, with which the folder was begun"
+                expected = f"{key} {repr(found.get(key))[:100]}, with which the folder was begun"
                 raise input_error(str(out), expected, f"{wanted!r}; give another folder")
         return
-    out.mkdir(parents=True, exist_ok=True)
-    if any(out.iterdir()):
+    if any(path.name != LOCK for path in out.iterdir()):
         raise input_error(str(out), "a new or empty folder, or one that simulate began", "other files in it")
     _replace(path, [json.dumps(asdict(settings), indent=1) + "\n"])
 
@@ -165,12 +167,11 @@ def _keep(out: Path, frame: Frame, settings: Settings, append: Callable[[str], N
 
 
 def _replace(path: Path, pieces: Iterable[str]) -> None:
-    """Write a file under a temporary name and rename it."""
+    """Write a file under the temporary name that pictures have too, and rename it."""
     part = temporary(path)
     try:
         with part.open("w", encoding="utf-8") as file:
-            for piece in pieces:
-                file.write(piece)
+            file.writelines(pieces)
         os.replace(part, path)
     except OSError as error:
         part.unlink(missing_ok=True)

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from groundpose._writing import write_text
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -81,5 +83,5 @@ def write(folder: Path, content: str) -> Path:
     """The page as `index.html` of a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "index.html"
-    path.write_text(content, encoding="utf-8")
+    write_text(path, content)
     return path

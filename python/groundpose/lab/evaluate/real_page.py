@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import write_text
 from groundpose.formats.kitti.dataset import DIFFICULTIES
 from groundpose.lab.evaluate.report import read_json, table
 
@@ -119,7 +120,7 @@ def write_page(root: Path) -> Path | None:
         return None
     page = root / PAGE
     page.parent.mkdir(parents=True, exist_ok=True)
-    page.write_text(render(root / RESULTS), encoding="utf-8")
+    write_text(page, render(root / RESULTS))
     return page
 
 

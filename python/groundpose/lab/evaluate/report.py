@@ -10,6 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import write_text
+
 PACKAGES = ("groundpose", "numpy", "poselib", "opencv-python-headless", "pycolmap")
 SOLVER_JSON, REAL_JSON = Path("results/solver.json"), Path("results/real.json")
 PAGE, README = Path("docs/results.md"), Path("README.md")
@@ -45,7 +47,7 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
     one on every machine.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(_text(_portable(content)) + "\n", encoding="utf-8")
+    write_text(path, _text(_portable(content)) + "\n")
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -118,10 +120,10 @@ def write_page(root: Path) -> Path:
     """Render and store the page, and the table of the README if there is one."""
     page = root / PAGE
     page.parent.mkdir(parents=True, exist_ok=True)
-    page.write_text(render(root), encoding="utf-8")
+    write_text(page, render(root))
     readme, solver = root / README, read_json(root / SOLVER_JSON)
     if readme.exists() and solver:
-        readme.write_text(with_headline(readme.read_text(encoding="utf-8"), solver), encoding="utf-8")
+        write_text(readme, with_headline(readme.read_text(encoding="utf-8"), solver))
     return page
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from groundpose._writing import write_text
 from groundpose.lab.bodies import STYLES, body
 from groundpose.lab.evaluate import report
 from groundpose.vehicles import CLASSES, KEYPOINTS, keypoint_indices
@@ -76,7 +77,7 @@ def render(content: dict[str, Any]) -> str:
 def write_page(content: dict[str, Any], path: Path) -> None:
     """Write the page."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(render(content), encoding="utf-8")
+    write_text(path, render(content))
 
 
 def _styles() -> list[dict[str, Any]]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 import groundpose as gp
+from groundpose._writing import write_text
 from groundpose.lab.contenders import own
 from groundpose.lab.contenders.objects import Array, Mask, Objects
 from groundpose.lab.contenders.own import PRIOR_DEG, Own
@@ -156,7 +157,5 @@ def write_stored(root: Path) -> Path | None:
     if not found:
         return None
     lines = report.table(rows(found, report.read_json(root / BEFORE)))
-    (root / PAGE).write_text(
-        "\n\n".join([INTRO, f"`{found['command']}`", lines, NOTE]) + "\n", encoding="utf-8"
-    )
+    write_text(root / PAGE, "\n\n".join([INTRO, f"`{found['command']}`", lines, NOTE]) + "\n")
     return root / PAGE

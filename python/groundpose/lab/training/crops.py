@@ -13,11 +13,9 @@ import copy
 import itertools
 import json
 import math
-import multiprocessing
-import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -27,7 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from groundpose._checks import FloatArray, input_error
+from groundpose._writing import only_writer, whole_file, write_text
 from groundpose.keypoints.codec import MARGIN, ByteArray, Codec
+from groundpose.lab.processes import worker_pool
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS, keypoint_indices
 
@@ -125,9 +125,30 @@ def write_crops(
         advance: called with (shards done, shards in all).
 
     Raises:
-        InputError: the folder holds crops made with other settings.
+        InputError: the folder holds crops made with other settings, or another run writes there.
     """
-    _write_index(folder, source, seed, frames_per_shard, codec)
+    folder.mkdir(parents=True, exist_ok=True)
+    with only_writer(folder):
+        _write_index(folder, source, seed, frames_per_shard, codec)
+        return _write_crops(
+            folder, source, split, frames, seed, first, frames_per_shard, codec, jobs, until, advance
+        )
+
+
+def _write_crops(
+    folder: Path,
+    source: Source,
+    split: str,
+    frames: int,
+    seed: int,
+    first: int,
+    frames_per_shard: int,
+    codec: Codec,
+    jobs: int,
+    until: float,
+    advance: Callable[[int, int], None],
+) -> int:
+    """In a folder that is ours alone."""
     starts = range(first, first + frames, frames_per_shard)
 
     def task(start: int) -> _Task:
@@ -149,8 +170,7 @@ def write_crops(
 
 def _in_processes(make: Callable[[_Task], None], tasks: Iterator[_Task], jobs: int) -> Iterator[None]:
     """Results as they come; a task is taken when a process is free for it."""
-    # spawn: a renderer's context does not survive a fork
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+    with worker_pool(jobs) as pool:
         running = {pool.submit(make, task) for task in itertools.islice(tasks, jobs)}
         while running:
             ready, running = wait(running, return_when=FIRST_COMPLETED)
@@ -172,10 +192,8 @@ def _write_shard(source: Source, seed: int, split: str, codec: Codec, task: _Tas
 
 def _replace(path: Path, array: NDArray[Any]) -> None:
     """Write a complete file or none."""
-    temporary = path.with_suffix(f".tmp{os.getpid()}")
-    with temporary.open("wb") as file:
+    with whole_file(path, "wb") as file:
         np.save(file, array)
-    temporary.replace(path)
 
 
 def _images(stem: Path) -> Path:
@@ -207,9 +225,7 @@ def _write_index(folder: Path, source: Source, seed: int, frames_per_shard: int,
             raise input_error(str(path), "crops made with the same source, seed and sizes", got)
         return
     folder.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(f".tmp{os.getpid()}")
-    temporary.write_text(json.dumps(index, indent=1) + "\n")
-    temporary.replace(path)
+    write_text(path, json.dumps(index, indent=1) + "\n")
 
 
 class Crops:

@@ -20,6 +20,7 @@ from torch import Tensor, nn
 from groundpose.keypoints.codec import MEAN, STD, ByteArray, Codec
 from groundpose.keypoints.decode import Calibration
 from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS, VEHICLE_THRESHOLD
+from groundpose.keypoints.onnx import runtime
 from groundpose.lab.training.networks import Decoded, KeypointNetwork
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS
@@ -114,6 +115,7 @@ def quantise(path: Path, out: Path, crops: ByteArray) -> None:
 
     Weights are scaled per channel, activations per tensor; only the operations in `QUANTISED` change.
     """
+    runtime()
     from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
     from onnxruntime.quantization.shape_inference import quant_pre_process
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from groundpose._writing import write_text
 from groundpose.keypoints.codec import Codec
 from groundpose.lab.training.crops import STORED, Source, write_crops
 
@@ -57,5 +58,5 @@ def render(plan: Plan, advance: Callable[[str, int], None] = lambda split, shard
             advance=lambda done, _, split=split: advance(split, done),  # type: ignore[misc]
         )
         spent[split] = spent.get(split, 0.0) + time.time() - start
-        record.write_text(json.dumps(spent))
+        write_text(record, json.dumps(spent))
     return plan.minutes - sum(spent.values()) / 60.0

@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import whole_file
+
 METRICS = "metrics.csv"
+_END = "\r\n"
 
 
 @dataclass(frozen=True)
@@ -35,13 +38,11 @@ class MetricsLog:
     def __init__(self, folder: Path, step: int) -> None:
         """Continue after `step`; rows of later steps, which will be repeated, are removed."""
         path = folder / METRICS
-        kept = [["step", "name", "value"]]
-        if path.exists():
-            with path.open(newline="") as file:
-                kept += [row for row in list(csv.reader(file))[1:] if row and int(row[0]) <= step]
-        self._file = path.open("w", newline="")
-        self._rows = csv.writer(self._file)
-        self._rows.writerows(kept)
+        kept = [["step", "name", "value"], *_rows_until(path, step)]
+        with whole_file(path) as file:
+            csv.writer(file, lineterminator=_END).writerows(kept)
+        self._file = path.open("a", newline="")
+        self._rows = csv.writer(self._file, lineterminator=_END)
         self._board: Any = None
         with contextlib.suppress(ImportError):
             from torch.utils.tensorboard import SummaryWriter
@@ -70,3 +71,12 @@ class MetricsLog:
                 self._board.add_scalar(name, value, now.step)
         if now.metrics:
             self._file.flush()
+
+
+def _rows_until(path: Path, step: int) -> list[list[str]]:
+    """The whole rows of a log up to a step: a kill may have cut off the last one."""
+    if not path.exists():
+        return []
+    with path.open(newline="") as file:
+        lines = [line for line in file if line.endswith("\n")]
+    return [row for row in csv.reader(lines[1:]) if len(row) == 3 and int(row[0]) <= step]

@@ -10,7 +10,6 @@ import contextlib
 import copy
 import itertools
 import math
-import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -22,6 +21,7 @@ import torch
 from numpy.typing import NDArray
 
 from groundpose._checks import input_error
+from groundpose._writing import only_writer, whole_file
 from groundpose.keypoints.codec import Codec
 from groundpose.lab.training.batches import Batch, Batcher
 from groundpose.lab.training.configs import NETWORKS, TrainConfig
@@ -128,7 +128,16 @@ class Trainer:
     def run(
         self, limits: Limits = _NO_LIMITS, tell: Callable[[Progress], None] = lambda progress: None
     ) -> bool:
-        """Train to the end or to a limit; returns whether the end is reached. Ctrl-C saves, then raises."""
+        """Train to the end or to a limit; returns whether the end is reached. Ctrl-C saves, then raises.
+
+        Raises:
+            InputError: another run writes into the folder.
+        """
+        with only_writer(self.folder):
+            return self._run(limits, tell)
+
+    def _run(self, limits: Limits, tell: Callable[[Progress], None]) -> bool:
+        """In a folder that is ours alone."""
         start = saved = before = reported = time.monotonic()
         first = last = self.step
         try:
@@ -188,9 +197,8 @@ class Trainer:
             "trained": self.network.state_dict() if self.averaged is not self.network else {},
             "optimizer": self.optimizer.state_dict(),
         }
-        temporary = self.folder / f"{CHECKPOINT}.tmp{os.getpid()}"
-        torch.save(content, temporary)
-        temporary.replace(self.folder / CHECKPOINT)
+        with whole_file(self.folder / CHECKPOINT, "wb") as file:
+            torch.save(content, file)
         if self.step == self.steps:
             write_weights(self.folder, content)
 

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from groundpose._checks import input_error
+from groundpose._writing import whole_path
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.network import Network
 from groundpose.lab.training.batches import Batcher
@@ -83,10 +84,12 @@ def release(
         "earlier_run": json.dumps(content["before"]),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    export(network.cpu(), path, said, stored=stored, mirrored=mirrored)
+    with whole_path(path) as part:
+        export(network.cpu(), part, said, stored=stored, mirrored=mirrored)
     if int8 is None:
         return Released(path, metrics, None, {})
-    quantise(path, int8, _pictures(Crops(data, "train", RANGES), codec))
+    with whole_path(int8) as part:
+        quantise(path, part, _pictures(Crops(data, "train", RANGES), codec))
     small = Network(int8)
     return Released(path, metrics, int8, answers(small.detect, judged, codec).metrics(calibration))
 

@@ -10,6 +10,7 @@ import json
 import sys
 from pathlib import Path
 
+from groundpose._writing import write_text
 from groundpose.lab.drive.render.bench import CODEC, FRAMES, forget_bodies, measure
 from groundpose.lab.training import rendered
 from groundpose.lab.training.sources import source_named
@@ -23,7 +24,7 @@ def main(path: str) -> None:
     old = json.loads(file.read_text("utf-8")) if file.exists() else {}
     kept = {"alternatives": old["alternatives"]} if "alternatives" in old else {}
     figures = measure(lambda: source_named("car")(0, "train", 0, FRAMES, CODEC), _forget)
-    file.write_text(json.dumps({"command": _COMMAND, **figures, **kept}, indent=1) + "\n", "utf-8")
+    write_text(file, json.dumps({"command": _COMMAND, **figures, **kept}, indent=1) + "\n")
 
 
 def _forget() -> None:

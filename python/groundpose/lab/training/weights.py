@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from groundpose._checks import input_error
+from groundpose._writing import whole_file
 from groundpose.keypoints.network import BUNDLED
 from groundpose.lab.training.networks import KeypointNetwork
 
@@ -61,11 +62,12 @@ def write_weights(folder: Path, content: dict[str, Any]) -> list[Path]:
             parts.append({})
             room = _LARGEST
         parts[-1][name], room = array, room - array.nbytes
-    for old in folder.glob("weights-*.npz"):
-        old.unlink()
     paths = [folder / f"weights-{i}.npz" for i in range(len(parts))]
     for path, part in zip(paths, parts, strict=True):
-        np.savez(path, **part)
+        with whole_file(path, "wb") as file:
+            np.savez(file, **part)
+    for old in set(folder.glob("weights-*.npz")) - set(paths):
+        old.unlink()
     return paths
 
 

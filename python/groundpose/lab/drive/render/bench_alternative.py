@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from groundpose._writing import write_text
 from groundpose.lab.bodies import MATERIALS, body
 from groundpose.lab.drive.assets import environments
 
@@ -37,7 +38,7 @@ def main(path: str) -> None:
             kept[name] = measure()
         except (ImportError, RuntimeError) as error:
             print(f"{name} left out: {error}")
-    file.write_text(json.dumps(figures, indent=1) + "\n", "utf-8")
+    write_text(file, json.dumps(figures, indent=1) + "\n")
 
 
 def pyvista_ms() -> dict[str, Any]:

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from groundpose._checks import input_error
+from groundpose._writing import write_text
 from groundpose.lab.drive import cache
 
 DEVICES = ("auto", "cpu", "cuda")
@@ -80,7 +81,7 @@ def _nvidia_vendor() -> Path | None:
         found = cache.folder() / "egl" / "10_nvidia.json"
         found.parent.mkdir(parents=True, exist_ok=True)
         icd = {"file_format_version": "1.0.0", "ICD": {"library_path": "libEGL_nvidia.so.0"}}
-        found.write_text(json.dumps(icd), "utf-8")
+        write_text(found, json.dumps(icd))
     return found
 
 

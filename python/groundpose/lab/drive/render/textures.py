@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from groundpose.lab.drive import cache as disk
+from groundpose.lab.drive.render import pictures
 from groundpose.lab.drive.render.pictures import (
     SIZE,
     Generator,
@@ -283,9 +286,14 @@ def layer(name: str) -> int:
 
 @cache
 def layers() -> NDArray[np.uint8]:
-    """All layers, (L, 256, 256, 4) uint8."""
+    """All layers, (L, 256, 256, 4) uint8, from the cache on disk: painting them takes as long as a frame."""
+    version = disk.version_folder("textures", disk.fingerprint((Path(__file__), Path(pictures.__file__))))
+    return disk.arrays(f"{version}/layers", frozenset(("layers",)), _painted)["layers"]
+
+
+def _painted() -> disk.Arrays:
     made = [make(np.random.default_rng([77, i])) for i, make in enumerate(LAYERS.values())]
-    return np.clip(np.stack(made) * 255.0 + 0.5, 0, 255).astype(np.uint8)
+    return {"layers": np.clip(np.stack(made) * 255.0 + 0.5, 0, 255).astype(np.uint8)}
 
 
 @cache

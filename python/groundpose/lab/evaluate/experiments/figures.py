@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from groundpose.draw.save import save_figure
 from groundpose.lab.contenders.registry import contenders
 from groundpose.lab.contenders.styles import style_of
 from groundpose.lab.evaluate.experiments.series import MICROSECONDS, Results
@@ -162,6 +163,6 @@ def write(results: Results, folder: Path, names: Sequence[str] = tuple(FIGURES))
         for outliers in OUTLIERS:
             figure = draw(results, name, outliers)
             path = folder / f"{name}_{outliers}.png"
-            figure.savefig(path, dpi=90, metadata={"Software": None})
+            save_figure(figure, path, 90, metadata={"Software": None})
             written.append(path)
     return written

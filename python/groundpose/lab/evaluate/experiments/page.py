@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from groundpose._writing import write_text
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.experiments.figures import drawn
 from groundpose.lab.evaluate.experiments.findings import CLAIMS, Finding
@@ -72,7 +73,7 @@ def write(results: Results, page: Path = PAGE, figures: Path = FIGURES) -> Path:
     page.parent.mkdir(parents=True, exist_ok=True)
     names = ("fig4_paper", "fig4_today", "fig5")
     found = [figures / f"{name}_{outliers}.png" for name in names for outliers in OUTLIERS]
-    page.write_text(render(results, [path for path in found if path.exists()]), encoding="utf-8")
+    write_text(page, render(results, [path for path in found if path.exists()]))
     return page
 
 

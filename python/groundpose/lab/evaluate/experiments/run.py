@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import only_writer
 from groundpose.lab import timing
 from groundpose.lab.contenders.polish import solve_all
 from groundpose.lab.contenders.use import batched
@@ -18,6 +18,7 @@ from groundpose.lab.evaluate.experiments import entry
 from groundpose.lab.evaluate.experiments.outcome import numbers
 from groundpose.lab.evaluate.experiments.settings import Setting, settings_of
 from groundpose.lab.evaluate.experiments.store import Store
+from groundpose.lab.processes import worker_pool
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 REPEATS, LONG_ENOUGH = 3, 0.05
@@ -97,8 +98,25 @@ def run(
 ) -> Store:
     """Measure what is missing of an experiment and store it after every task, in `jobs` processes.
 
-    `fresh` measures finished methods again, those of `methods` only.
+    `fresh` measures finished methods again, those of `methods` only. Raises InputError when another run
+    writes into the folder.
     """
+    folder.mkdir(parents=True, exist_ok=True)
+    with only_writer(folder):
+        return _run(experiment, trials, seed, folder, methods, jobs, fresh, advance)
+
+
+def _run(
+    experiment: str,
+    trials: int,
+    seed: int,
+    folder: Path,
+    methods: list[str] | None,
+    jobs: int,
+    fresh: bool,
+    advance: Advance,
+) -> Store:
+    """In a folder that is ours alone."""
     store = Store.open(folder, experiment, trials, seed)
     wanted = select(experiment, methods)
     if fresh:
@@ -108,17 +126,13 @@ def run(
     advance(0, len(left), "")
     if not left:
         return store
-    with _one_thread_each(), ProcessPoolExecutor(min(jobs, len(left)), get_context("spawn")) as pool:
+    with _one_thread_each(), worker_pool(min(jobs, len(left))) as pool:
         futures: dict[Future[Measured], Task] = {pool.submit(measure, t, trials, seed): t for t in left}
-        try:
-            for done, future in enumerate(as_completed(futures), start=1):
-                task, measured = futures[future], future.result()
-                store.add(task.setting.key, measured.numbers, measured.microseconds)
-                store.write(keys, wanted, _notes(experiment))
-                advance(done, len(left), f"{task.setting.key}, {task.group}")
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        for done, future in enumerate(as_completed(futures), start=1):
+            task, measured = futures[future], future.result()
+            store.add(task.setting.key, measured.numbers, measured.microseconds)
+            store.write(keys, wanted, _notes(experiment))
+            advance(done, len(left), f"{task.setting.key}, {task.group}")
     return Store.read(store.path)
 
 

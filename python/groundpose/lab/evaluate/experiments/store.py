@@ -110,6 +110,4 @@ class Store:
                 "microseconds": ordered(self.microseconds),
             },
         }
-        partial = self.path.with_suffix(".partial")
-        report.write_json(partial, content)
-        os.replace(partial, self.path)
+        report.write_json(self.path, content)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from groundpose.draw.save import save_figure
 from groundpose.lab.evaluate.honesty.numbers import ALLOWED, CLEAR, INDEPENDENT
 from groundpose.lab.evaluate.honesty.sources import ALL_RENDERS, MANY_LOOKS, RENDERS
 
@@ -40,7 +41,7 @@ def _coverage(root: Path, seen: dict[str, Any]) -> None:
         axes.set_title(f"{source}\n{group}", fontsize=8, loc="left")
         _frame(axes, "stated, %", "inside the region, %" if axes is figure.axes[0] else "", 100)
     figure.axes[0].legend(fontsize=8)
-    figure.savefig(root / COVERAGE, dpi=90, metadata={"Software": None})
+    save_figure(figure, root / COVERAGE, 90, metadata={"Software": None})
 
 
 def _reliability(root: Path, seen: dict[str, Any]) -> None:
@@ -57,7 +58,7 @@ def _reliability(root: Path, seen: dict[str, Any]) -> None:
                 axes.scatter(stated, fraction, [8.0 + 2.0 * n**0.5 for n in count], color=line.get_color())
         _frame(axes, name, f"fraction of {true}", 1)
     figure.axes[0].legend(fontsize=8)
-    figure.savefig(root / RELIABILITY, dpi=90, metadata={"Software": None})
+    save_figure(figure, root / RELIABILITY, 90, metadata={"Software": None})
 
 
 def _frame(axes: Any, x: str, y: str, limit: int) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import write_text
 from groundpose.lab.evaluate.honesty import figures
 from groundpose.lab.evaluate.honesty.numbers import ALLOWED, CLEAR
 from groundpose.lab.evaluate.honesty.sources import ALL_RENDERS, MANY_LOOKS, RENDERS
@@ -31,10 +32,10 @@ def write_page(root: Path, found: dict[str, Any]) -> Path | None:
     when there is no page."""
     path, readme = root / PAGE, root / README
     if readme.exists():
-        readme.write_text(with_sentence(readme.read_text("utf-8"), found), "utf-8")
+        write_text(readme, with_sentence(readme.read_text("utf-8"), found))
     if not path.exists():
         return None
-    path.write_text(between(path.read_text("utf-8"), MARKS, f"\n{tables(found)}\n"), "utf-8")
+    write_text(path, between(path.read_text("utf-8"), MARKS, f"\n{tables(found)}\n"))
     figures.draw(root, found.get("trained", {}))
     return path
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
+from groundpose._writing import whole_file
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.decode import VIEWING_ANGLES
 from groundpose.keypoints.network import Network
@@ -104,10 +105,8 @@ def kept(folder: Path, name: str, network: Network, source: Source, tell: Callab
     if not path.exists():
         tell(f"{name}: running the network")
         folder.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(".tmp")
-        with temporary.open("wb") as file:
+        with whole_file(path, "wb") as file:
             np.save(file, see(network, source))
-        temporary.replace(path)
     found: Records = np.load(path)
     return found
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
+from groundpose._writing import whole_path
 from groundpose.keypoints.certainty import Certainty
 from groundpose.keypoints.network import CERTAINTY
 
@@ -17,6 +17,5 @@ def store(path: Path, certainty: Certainty) -> None:
     model = onnx.load(str(path))
     said = {p.key: p.value for p in model.metadata_props} | {CERTAINTY: json.dumps(certainty.numbers())}
     onnx.helper.set_model_props(model, said)
-    temporary = path.with_suffix(f".tmp{os.getpid()}")
-    onnx.save(model, str(temporary))
-    temporary.replace(path)
+    with whole_path(path) as part:
+        onnx.save(model, str(part))

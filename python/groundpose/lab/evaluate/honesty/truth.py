@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from groundpose._writing import whole_file
 from groundpose.lab.drive import labels, scene, scene_seed
 from groundpose.lab.drive.rigs import RIGS, Rigs
 from groundpose.lab.evaluate.honesty.seen import Records
@@ -37,7 +38,8 @@ def poses(folder: Path, split: str, crops: Crops) -> Records:
             return found
     found = _simulated(split, crops)
     path.parent.mkdir(parents=True, exist_ok=True)
-    np.save(path, found)
+    with whole_file(path, "wb") as file:
+        np.save(file, found)
     return found
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import groundpose as gp
+from groundpose._writing import write_text
 from groundpose.formats.kitti.dataset import IMAGE_SIZE, KittiSet
 from groundpose.formats.kitti.labels import KittiLabel, format_calibration, format_labels
 from groundpose.formats.kitti.results import R_from_rotation_y, wrapped
@@ -39,8 +40,8 @@ def make_folder(root: Path, frames: int, seed: int = 0) -> None:
     for number in range(frames):
         found = [_vehicle(rng) for _ in range(rng.poisson(_OBJECTS))]
         text = format_labels(x for x in found if x is not None)
-        (labels / f"{number:06d}.txt").write_text(text, encoding="utf-8")
-        (calib / f"{number:06d}.txt").write_text(calibration, encoding="utf-8")
+        write_text(labels / f"{number:06d}.txt", text, sync=False)
+        write_text(calib / f"{number:06d}.txt", calibration, sync=False)
 
 
 def _vehicle(rng: np.random.Generator) -> KittiLabel | None:

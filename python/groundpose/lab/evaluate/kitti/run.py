@@ -3,16 +3,15 @@ with."""
 
 from __future__ import annotations
 
-import multiprocessing
 import shlex
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import only_writer, write_text
 from groundpose.formats.kitti.dataset import KittiFrames
 from groundpose.formats.kitti.labels import KittiLabel
 from groundpose.formats.kitti.results import format_result
@@ -23,6 +22,7 @@ from groundpose.lab.evaluate.kitti.frame import ERROR_COLUMNS, LABEL_COLUMNS, Ta
 from groundpose.lab.evaluate.kitti.keypoints import KeypointSource
 from groundpose.lab.evaluate.kitti.store import Line, Store
 from groundpose.lab.evaluate.kitti.summary import SELF_CHECK, Collected, collect, summary
+from groundpose.lab.processes import worker_pool
 
 CHECKED_FRAMES = 200
 """The labels of so many frames are put against themselves as a check of the average precision."""
@@ -67,7 +67,7 @@ class Worker:
         for name, results in answers.items():
             path = self.export / name / "data" / f"{frame_id}.txt"
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text("".join(map(format_result, results)), encoding="utf-8")
+            write_text(path, "".join(map(format_result, results)), sync=False)
 
 
 def run(
@@ -93,11 +93,27 @@ def run(
         limit: only so many frames.
         advance: called after every frame.
 
-    Raises OSError, InputError (no such folder, another run's file).
+    Raises OSError, InputError (no such folder, another run's file, another run that writes there).
     """
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with only_writer(out):
+        return _run(worker, out, split, settings or {}, jobs, fresh, limit, advance)
+
+
+def _run(
+    worker: Worker,
+    out: Path,
+    split: Path | None,
+    settings: dict[str, Any],
+    jobs: int,
+    fresh: bool,
+    limit: int | None,
+    advance: Advance | None,
+) -> tuple[dict[str, Any], Collected]:
+    """Into a file that is ours alone."""
     before = Skips()
     ids = worker.folder.ids(split, before)[:limit]
-    stored = {**worker.task.settings, **(settings or {}), "root": str(worker.folder.root)}
+    stored = {**worker.task.settings, **settings, "root": str(worker.folder.root)}
     stored["columns"] = [*LABEL_COLUMNS, *ERROR_COLUMNS]  # another version's frames are others
     store = Store.open(out.with_suffix(".frames.jsonl"), stored, fresh)
     try:
@@ -133,9 +149,7 @@ def _each(worker: Worker, jobs_waiting: list[tuple[str, bool]], jobs: int) -> It
     if jobs == 1 or len(jobs_waiting) < 2:
         yield from map(worker, jobs_waiting)
         return
-    # not forked: another library's threads may be running here
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, initializer=_take, initargs=(worker,)) as pool:
+    with worker_pool(jobs, _take, (worker,)) as pool:
         waiting = iter(jobs_waiting)
         while part := list(islice(waiting, _WAITING_A_PROCESS * jobs)):
             yield from pool.map(_one, part, chunksize=8)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from groundpose._writing import write_text
 from groundpose.lab.evaluate.networks import reliability, sweeps
 from groundpose.lab.evaluate.networks.robust_tables import robust_tables
 from groundpose.lab.evaluate.networks.targets import target_table
@@ -51,7 +52,7 @@ def write_page(root: Path, found: dict[str, Any]) -> Path | None:
     path = root / PAGE
     if not path.exists():
         return None
-    path.write_text(between(path.read_text("utf-8"), MARKS, f"\n{tables(found)}\n"), "utf-8")
+    write_text(path, between(path.read_text("utf-8"), MARKS, f"\n{tables(found)}\n"))
     trained = found.get("trained", {})
     for figure in (sweeps, reliability):
         figure.draw(root, trained)

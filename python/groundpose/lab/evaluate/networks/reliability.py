@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
+from groundpose.draw.save import save_figure
 from groundpose.keypoints.codec import Codec
 from groundpose.keypoints.decode import Calibration
 from groundpose.lab.training.evaluate import Answers
@@ -87,4 +88,4 @@ def draw(root: Path, trained: dict[str, Any]) -> None:
         axes.set_ylabel("fraction within 0.0375 l" if place == names[0] else "")
         axes.grid(visible=True, linewidth=0.4, alpha=0.5)
     figure.axes[0].legend(fontsize=8)
-    figure.savefig(root / FIGURE, dpi=90, metadata={"Software": None})
+    save_figure(figure, root / FIGURE, 90, metadata={"Software": None})

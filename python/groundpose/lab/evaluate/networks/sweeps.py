@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from groundpose.draw.save import save_figure
 from groundpose.keypoints.network import Network
 from groundpose.lab.evaluate.networks.judged import judge
 from groundpose.lab.evaluate.networks.renders import FOCAL, ROLL, renders
@@ -55,4 +56,4 @@ def draw(root: Path, trained: dict[str, Any]) -> None:
     grid[0][0].set_ylim(bottom=0.0)
     grid[1][0].set_ylim(min(90.0, grid[1][0].get_ylim()[0]), 101.0)
     grid[0][0].legend(fontsize=8)
-    figure.savefig(root / FIGURE, dpi=90, metadata={"Software": None})
+    save_figure(figure, root / FIGURE, 90, metadata={"Software": None})

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from groundpose._writing import write_text
 from groundpose.lab.contenders.own import DEFAULT, NEVER_REFUSES, UP2P_NEVER_REFUSES
 from groundpose.lab.contenders.use import CUT, NO_SCORES, WEIGHTS
 from groundpose.lab.evaluate import report
@@ -256,7 +257,7 @@ def write(folder: Path, page: Path = PAGE, agreement: Path = AGREEMENT) -> Path:
     if not stores:
         raise FileNotFoundError(f"{folder}: no results of G1 or G2 there")
     page.parent.mkdir(parents=True, exist_ok=True)
-    page.write_text(render(stores, report.read_json(agreement)), encoding="utf-8")
+    write_text(page, render(stores, report.read_json(agreement)))
     return page
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import groundpose as gp
+from groundpose._writing import only_writer
 from groundpose.lab import timing
 from groundpose.lab.contenders.contender import Contender
 from groundpose.lab.contenders.libraries import Library
@@ -113,8 +114,26 @@ def run(
 ) -> Store:
     """Measure what is missing of G1 or G2 and store it method by method.
 
-    `fresh` measures finished methods again, those of `methods` only.
+    `fresh` measures finished methods again, those of `methods` only. Raises InputError when another run
+    writes into the folder.
     """
+    folder.mkdir(parents=True, exist_ok=True)
+    with only_writer(folder):
+        return _run(experiment, vehicles, seed, folder, methods, fresh, advance, source, model)
+
+
+def _run(
+    experiment: str,
+    vehicles: int,
+    seed: int,
+    folder: Path,
+    methods: list[str] | None,
+    fresh: bool,
+    advance: Advance,
+    source: Source,
+    model: Model,
+) -> Store:
+    """In a folder that is ours alone."""
     store = Store.open(folder, experiment, vehicles, seed)
     wanted = select(experiment, methods)
     if fresh:

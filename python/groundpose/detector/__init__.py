@@ -1,0 +1,1 @@
+"""2D boxes from a detector of the user's, in an ONNX file."""
