@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
 use crate::geometry::math::{atan2, cos, exp, log, sin, sqrt, square};
 use crate::track::facing::Facing;
 use crate::track::model::{
-    ACCELERATION, AXIS, BEARING_ERROR, Belief, Camera2, DISTANCE_ERROR, HEADING_ERROR, Motion, SCALE, State,
+    ACCELERATION, AXIS, BEARING_ERROR, Belief, Camera2, DISTANCE_ERROR, ERRORS, HEADING_ERROR, Motion, SCALE, State,
     StateMatrix, TRACK_NUMBERS, TURNING, VX, VZ, X, Z,
 };
 use crate::track::options::{CameraMotion, TrackOptions};
@@ -118,6 +118,9 @@ impl VehicleFilter {
             camera,
             options: *options,
         };
+        for (k, variance) in ERRORS.into_iter().zip(filter.slow_errors()) {
+            filter.belief.covariance[(k, k)] = variance;
+        }
         filter.take(camera, f64::INFINITY, seen, &seen.reading);
         filter
     }
@@ -139,6 +142,7 @@ impl VehicleFilter {
             acceleration_sigma: calm * self.options.acceleration_sigma,
             turning_sigma: calm * self.options.turning_sigma,
             keep: 1.0,
+            errors: self.slow_errors(),
             shift: [camera[0] - self.camera[0], camera[1] - self.camera[1]],
             along_axis: self.along_axis(),
         };
@@ -147,6 +151,13 @@ impl VehicleFilter {
         let (belief, by_before) = self.belief.predicted(dt, &motion);
         self.belief = belief;
         by_before
+    }
+
+    /// Variances of the errors that are the same as long as the picture is.
+    fn slow_errors(&self) -> [f64; 3] {
+        let slow = self.options.slow_fraction;
+        let variance = self.stated.map(|x| slow * exp(2.0 * x));
+        [OF_DISTANCE * variance[0], variance[1], variance[2]]
     }
 
     /// How much of a network's errors is still the same after `dt` seconds: it is forgotten as the vehicle turns, in what
@@ -243,21 +254,16 @@ impl VehicleFilter {
         let side = Vector2::new(ray[1], -ray[0]);
         let usual = self.usual(reading, &ray, &side);
         let covariance = usual * turn * reading.covariance * turn.transpose() * usual;
-        let plane = covariance.fixed_view::<2, 2>(0, 0);
-        let variance = |of: &Vector2<f64>| of.dot(&(plane * of)).max(0.0);
-        let slow = self.options.slow_fraction;
-        let slow_distance = ray * sqrt(OF_DISTANCE * slow * variance(&ray));
-        let slow_bearing = side * sqrt(slow * variance(&side));
-        let slow_heading = sqrt(slow * covariance[(2, 2)]);
         let mean = &self.belief.mean;
+        let away = sqrt(square(mean[X]) + square(mean[Z]));
         let mut by_state = SMatrix::<f64, 3, TRACK_NUMBERS>::zeros();
         for k in 0..2 {
             by_state[(k, X + k)] = 1.0;
-            by_state[(k, DISTANCE_ERROR)] = slow_distance[k];
-            by_state[(k, BEARING_ERROR)] = slow_bearing[k];
+            by_state[(k, DISTANCE_ERROR)] = ray[k] * away;
+            by_state[(k, BEARING_ERROR)] = side[k] * away;
         }
         by_state[(2, AXIS)] = 1.0;
-        by_state[(2, HEADING_ERROR)] = slow_heading;
+        by_state[(2, HEADING_ERROR)] = 1.0;
         let expected = by_state * mean;
         let residual = Vector3::new(
             there[0] - expected[0],

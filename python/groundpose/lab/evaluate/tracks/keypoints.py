@@ -8,15 +8,15 @@ for each of them, forgotten within `time`; 0: every frame has its own.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from groundpose._checks import FloatArray
-from groundpose.lab.evaluate.kitti.keypoints import WIDTH, Found, seen_of
-from groundpose.lab.evaluate.simulated.keypoint_noise import Detector, Draws, Seen
 from groundpose.formats.kitti.dataset import KittiFrame
 from groundpose.formats.kitti.labels import CLASS_OF, KittiLabel
+from groundpose.lab.evaluate.kitti.keypoints import WIDTH, Found, seen_of
+from groundpose.lab.evaluate.simulated.keypoint_noise import Detector, Draws, Seen
 from groundpose.vehicles import keypoint_indices, shape_model
 
 _UNIFORM = ("confused", "band", "wrong", "kind", "another", "score", "anywhere")
