@@ -217,7 +217,7 @@ def _keep(
         tally.errors.append(result)
         return
     frame, poses, name = result.frame, result.poses, ""
-    written = False
+    written = whole = False
     try:
         with blamed(frame.place, files=False):  # a disk that is full is so for all of them
             if output.named or pictures is not None:
@@ -227,11 +227,13 @@ def _keep(
         if pictures is not None:
             with blamed(frame.place):
                 pictures.write(frame, poses, result.image, name)
-        tally.add(result)
+        whole = True
     except InputError as error:
         tally.errors.append(error)
     if written:
         output.finished(item, result.vehicles, int(poses.ok.sum()), name)
+    if whole:
+        tally.add(result)
 
 
 def _progress(work: Work, output: Output) -> Progress:
