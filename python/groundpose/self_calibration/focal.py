@@ -1,11 +1,14 @@
 r"""The focal length from how keypoints fit.
 
-With a wrong focal length no pose of a vehicle that stands upright on the road explains its keypoints: a
-profile likelihood over the logarithm x of the focal length, in which tilt, height, poses and shapes are
-estimated anew. Its standard deviation comes from how the costs C of vehicles differ (the sandwich of Huber,
-1967), so it needs no model of a network's errors:
+With a wrong focal length or tilt no pose of a vehicle that stands upright explains its keypoints. The cost C
+of all keypoints is minimised over the logarithm of the focal length, pitch and roll; poses and shapes are
+estimated anew for each. The covariance of the minimum comes from how the costs of vehicles differ (the
+sandwich of Huber, 1967), so it needs no model of a network's errors:
 
-$$ \sigma^2 = \sum_v g_v^2 \, / \, H^2, \qquad g_v = C_v'(x), \quad H = \sum_v C_v''(x) . $$
+$$ S = H^{-1} \Big( \sum_v g_v g_v^T \Big) H^{-1}, \qquad g_v = \nabla C_v, \quad H = \sum_v \nabla^2 C_v . $$
+
+The contacts tell pitch and roll too, which change with the focal length; both are put together by their
+covariances.
 """
 
 from __future__ import annotations
@@ -29,63 +32,97 @@ SHAPES_SIGMA = 0.02
 
 _UPRIGHT = 0.015  # radians, lean of vehicles against the road
 _NOISE = 0.015  # of a keypoint, over the longer side of the box
-_COARSE = 0.15  # steps of the logarithm
-_FINE = 0.05
+_STEPS = np.array([0.06, math.radians(1.0), math.radians(1.0)])  # of the derivatives
+_TILT = slice(PITCH, ROLL + 1)
+_MOST_STEPS = 2.5  # of a Newton step
+_ROUNDS, _CLOSE = 12, 0.15
 _LARGEST = 1.2
+
+Probe = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class Focal:
     """The logarithm of the focal length over the given one, its standard deviation, how pitch, roll and log
-    height change with it (3,), and the road at it. `profile` (K, 2): logarithms and costs."""
+    height of the plane change with it (3,), and the road at it."""
 
     log_factor: float
     sigma: float
     change: FloatArray
     road: Road
-    profile: FloatArray
 
 
 def estimate_focal(solver: Solver, sightings: Sightings, road: Road) -> Focal:
     """The focal length, from a road found with the one given.
 
     Raises:
-        InputError: fewer than FEWEST vehicles; a profile without a minimum.
+        InputError: fewer than FEWEST vehicles; keypoints that do not tell it.
     """
     if road.contacts.vehicle_count < FEWEST:
         raise input_error("vehicles", f"at least {FEWEST} for the focal length", road.contacts.vehicle_count)
     upright = replace(solver, options=replace(solver.options, tilt_sigma=_UPRIGHT))
-    probes: dict[float, tuple[Road, FloatArray]] = {}
-
-    def probe(x: float) -> float:
-        if x not in probes:
-            near = min(probes, key=lambda known: abs(known - x), default=None)
-            mean = (road if near is None else probes[near][0]).plane.mean
-            found = upright.road(with_focal(sightings, x), (float(mean[PITCH]), float(mean[ROLL])))
-            probes[x] = found, costs(found.poses, found.sightings)
-        return float(probes[x][1].sum())
-
-    lowest = _descend(probe, 0.0, _COARSE)
-    low, middle, high = (probe(lowest + k * _COARSE) for k in (-1, 0, 1))
-    centre = lowest + _vertex(low, middle, high, _COARSE)
-    low, middle, high = (probe(centre + k * _FINE) for k in (-1, 0, 1))
-    curvature = (low - 2.0 * middle + high) / _FINE**2
-    if not curvature > 0.0:
-        raise input_error("focal length", "vehicles that tell it: near ones, seen from several sides", "none")
-    best = centre + _vertex(low, middle, high, _FINE)
-    best_road = upright.road(with_focal(sightings, best), _tilt(probes[centre][0]))
-    slopes = (probes[centre + _FINE][1] - probes[centre - _FINE][1]) / (2.0 * _FINE)
     _, vehicle = np.unique(sightings.vehicles, return_inverse=True)
-    of_vehicle = np.bincount(vehicle, slopes)
-    of_vehicle = of_vehicle - of_vehicle.mean()  # they add up to nothing at the minimum
-    sigma = math.hypot(math.sqrt(float((of_vehicle**2).sum())) / curvature, SHAPES_SIGMA)
-    ends = [probes[centre + k * _FINE][0].plane.mean[:3] for k in (-1, 1)]
-    profile = np.array(sorted((x, float(c.sum())) for x, (_, c) in probes.items()))
-    return Focal(best, sigma, (ends[1] - ends[0]) / (2.0 * _FINE), best_road, profile)
+
+    def probe(at: FloatArray) -> FloatArray:
+        seen = with_focal(sightings, float(at[0]))
+        return np.bincount(vehicle, costs(upright.poses(seen, float(at[1]), float(at[2])), seen))
+
+    at, covariance = _minimum(probe, np.array([0.0, *road.plane.mean[_TILT]]))
+    step = float(_STEPS[0])
+    low, middle, high = (
+        solver.road(with_focal(sightings, float(at[0]) + k * step), (float(at[1]), float(at[2])))
+        for k in (-1.0, 0.0, 1.0)
+    )
+    change = (high.plane.mean[:3] - low.plane.mean[:3]) / (2.0 * step)
+    # what the contacts say: tilt = that of the plane, which changes with the focal length
+    design = np.column_stack([-change[_TILT], np.eye(2)])
+    said = design.T @ np.linalg.inv(middle.plane.covariance[_TILT, _TILT])
+    together = np.linalg.inv(np.linalg.inv(covariance) + said @ design)
+    moved = together @ said @ (middle.plane.mean[_TILT] - at[1:])
+    best = float(at[0] + moved[0])
+    tilt = middle.plane.mean[_TILT] + change[_TILT] * moved[0]
+    final = solver.road(with_focal(sightings, best), (float(tilt[0]), float(tilt[1])))
+    return Focal(best, math.hypot(math.sqrt(together[0, 0]), SHAPES_SIGMA), change, final)
 
 
-def _tilt(road: Road) -> tuple[float, float]:
-    return float(road.plane.mean[PITCH]), float(road.plane.mean[ROLL])
+def _minimum(probe: Probe, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the costs of vehicles are least, and its covariance.
+
+    Raises:
+        InputError: costs that tell nothing.
+    """
+    at = start
+    for _ in range(_ROUNDS):
+        gradients, hessian = _derivatives(probe, at)
+        values, axes = np.linalg.eigh(hessian)
+        # away from the minimum the costs bend down: go against the slope there
+        bend = axes @ np.diag(np.maximum(np.abs(values), 1e-3 * np.abs(values).max())) @ axes.T
+        step = -np.linalg.solve(bend, gradients.sum(axis=0))
+        step = step / max(1.0, float(np.abs(step).max()) / _MOST_STEPS)
+        at = at + step * _STEPS
+        if abs(float(at[0] - start[0])) > _LARGEST:
+            expected = f"a guess within a factor {math.exp(_LARGEST):.1f}"
+            raise input_error("focal length", expected, "a fit that runs away from it")
+        if float(np.abs(step).max()) < _CLOSE:
+            break
+    if values.min() <= 0.0:
+        raise input_error("focal length", "vehicles that tell it: near ones, seen from several sides", "none")
+    centred = gradients - gradients.mean(axis=0)  # they add up to nothing at the minimum
+    bread = np.linalg.inv(hessian)
+    return at, np.outer(_STEPS, _STEPS) * (bread @ centred.T @ centred @ bread)
+
+
+def _derivatives(probe: Probe, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gradients (V, 3) of the costs of vehicles and the Hessian (3, 3) of their sum, by steps."""
+    here, axes = probe(at), np.diag(_STEPS)
+    ends = [[probe(at + sign * axis) for sign in (-1.0, 1.0)] for axis in axes]
+    gradients = np.stack([0.5 * (high - low) for low, high in ends], axis=1)
+    hessian = np.diag([float((low - 2.0 * here + high).sum()) for low, high in ends])
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        both = [float(probe(at + sign * (axes[i] + axes[j])).sum()) for sign in (-1.0, 1.0)]
+        cross = 0.5 * (sum(both) - 2.0 * float(here.sum()) - hessian[i, i] - hessian[j, j])
+        hessian[i, j] = hessian[j, i] = cross
+    return gradients, hessian
 
 
 def with_focal(sightings: Sightings, log_factor: float) -> Sightings:
@@ -110,22 +147,3 @@ def _robust(squares: FloatArray) -> FloatArray:
     """Geman and McClure's, 9 at most."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(np.isinf(squares), 9.0, squares / (1.0 + squares / 9.0)))
-
-
-def _descend(probe: Callable[[float], float], start: float, step: float) -> float:
-    """A local minimum on a grid. Raises InputError when it runs away."""
-    at = start
-    while True:
-        here, below, above = probe(at), probe(at - step), probe(at + step)
-        if here <= min(below, above):
-            return at
-        at += step if above < below else -step
-        if abs(at) > _LARGEST:
-            expected = f"within a factor {math.exp(_LARGEST):.1f} of the true one"
-            raise input_error("focal length", expected, "a fit that runs away from it")
-
-
-def _vertex(low: float, middle: float, high: float, step: float) -> float:
-    """Of the parabola through three points a step apart, from the middle one."""
-    bend = low - 2.0 * middle + high
-    return 0.0 if bend <= 0.0 else float(np.clip(0.5 * step * (low - high) / bend, -step, step))
