@@ -38,8 +38,8 @@ def track(
         Path,
         typer.Argument(
             metavar="INPUT",
-            help="Poses that [bold]groundpose estimate[/bold] wrote (.jsonl), or - for standard input; or a folder "
-            "of images or a video, with [bold]--boxes[/bold] or [bold]--detector[/bold].",
+            help="Poses that [bold]groundpose estimate[/bold] wrote (.jsonl), or - for standard input; or a "
+            "folder of images or a video, with [bold]--boxes[/bold] or [bold]--detector[/bold].",
         ),
     ],
     camera: Annotated[
