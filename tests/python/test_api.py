@@ -21,8 +21,8 @@ from groundpose.poses import ResultFields
 def test_public_names_are_the_promised_ones():
     promised = (
         "Alternatives Camera CameraState ClassSize Detector EstimatedView FramePriors InputError Network "
-        "Options Pipeline Pose PoseBatch ShapeModel SizePrior VehiclePoses View __version__ build_info "
-        "estimate_poses region_radius2"
+        "Options Pipeline Pose PoseBatch SeenVehicles ShapeModel SizePrior TrackOptions Tracker Tracks "
+        "VehiclePoses View __version__ build_info estimate_poses region_radius2"
     )
     assert gp.__all__ == promised.split() == sorted(gp.__all__)
     info = gp.build_info()

@@ -218,7 +218,7 @@ class _Job:
                     if self.live:
                         self._write(now, stream)
                     if self.drawn is not None:
-                        self.drawn.add(frame.id, frame.image, frame.seen, now)
+                        self.drawn.add(frame.id, frame.pixels(), frame.seen, now)
                 except InputError as error:
                     self._complain(error)
                 if not self.live and self.tracker.frames % _TAKE == 0:

@@ -35,6 +35,14 @@ class Followed:
     seen: SeenVehicles
     image: Image | Path | None = None
 
+    def pixels(self) -> Image | None:
+        """Its picture (H, W, 3), read if it is a file. Raises OSError, InputError."""
+        if not isinstance(self.image, Path):
+            return self.image
+        from groundpose.keypoints.image import as_rgb  # with Pillow
+
+        return as_rgb(self.image)
+
 
 def of_lines(lines: PoseLines, folder: Path) -> Iterator[Followed | InputError]:
     """Frames of poses that were written; pictures lie below `folder`."""
