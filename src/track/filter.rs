@@ -247,15 +247,17 @@ impl VehicleFilter {
     /// A reading against the belief. The shared errors are numbers of the state, the rest is noise.
     fn measured(&self, camera: Camera2, reading: &Reading) -> Measured {
         let there = Vector2::from(turned_by(camera[2], reading.place));
-        let distance = there.norm().max(0.1);
-        let (s, c) = (sin(camera[2]), cos(camera[2]));
-        let turn = Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
-        let ray = there / distance;
+        let mean = &self.belief.mean;
+        let expected_there = Vector2::new(mean[X], mean[Z]);
+        let away = expected_there.norm().max(0.1);
+        // Along the expected ray, not the measured one: an axis that errs as the measurement does would make every
+        // vehicle nearer.
+        let ray = expected_there / away;
         let side = Vector2::new(ray[1], -ray[0]);
+        let (s, c) = (sin(camera[2]), cos(camera[2]));
+        let turn = aligned(&there, &ray) * Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
         let usual = self.usual(reading, &ray, &side);
         let covariance = usual * turn * reading.covariance * turn.transpose() * usual;
-        let mean = &self.belief.mean;
-        let away = sqrt(square(mean[X]) + square(mean[Z]));
         let mut by_state = SMatrix::<f64, 3, TRACK_NUMBERS>::zeros();
         for k in 0..2 {
             by_state[(k, X + k)] = 1.0;
@@ -417,6 +419,13 @@ fn turned_by(yaw: f64, [x, z]: [f64; 2]) -> [f64; 2] {
 /// The difference of two axes, between -pi / 2 and pi / 2.
 fn folded(angle: f64) -> f64 {
     0.5 * wrapped(2.0 * angle)
+}
+
+/// The turn in the plane that lays one direction on another.
+fn aligned(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
+    let length = from.norm().max(1e-9) * to.norm().max(1e-9);
+    let (c, s) = (from.dot(to) / length, (from[0] * to[1] - from[1] * to[0]) / length);
+    Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
 }
 
 /// Logarithms of the standard deviations that a reading states: of distance and bearing, in distances, and of heading.

@@ -204,7 +204,8 @@ def tracks(
 
     [bold]Examples[/bold]
 
-      groundpose simulate --video --static --camera-height 8 --pitch-deg -20 --frames 300 --out mast --split test
+      groundpose simulate --video --static --camera-height 8 --pitch-deg -20 --frames 300 --out mast --split
+      test
 
       groundpose evaluate tracks --data data --video mast
     """

@@ -38,8 +38,8 @@ def track(
         Path,
         typer.Argument(
             metavar="INPUT",
-            help="Poses that [bold]groundpose estimate[/bold] wrote (.jsonl), or - for standard input; or a folder "
-            "of images or a video, with [bold]--boxes[/bold] or [bold]--detector[/bold].",
+            help="Poses that [bold]groundpose estimate[/bold] wrote (.jsonl), or - for standard input; or a "
+            "folder of images or a video, with [bold]--boxes[/bold] or [bold]--detector[/bold].",
         ),
     ],
     camera: Annotated[
@@ -218,7 +218,7 @@ class _Job:
                     if self.live:
                         self._write(now, stream)
                     if self.drawn is not None:
-                        self.drawn.add(frame.id, frame.image, frame.seen, now)
+                        self.drawn.add(frame.id, frame.pixels(), frame.seen, now)
                 except InputError as error:
                     self._complain(error)
                 if not self.live and self.tracker.frames % _TAKE == 0:

@@ -35,6 +35,14 @@ class Followed:
     seen: SeenVehicles
     image: Image | Path | None = None
 
+    def pixels(self) -> Image | None:
+        """Its picture (H, W, 3), read if it is a file. Raises OSError, InputError."""
+        if not isinstance(self.image, Path):
+            return self.image
+        from groundpose.keypoints.image import as_rgb  # with Pillow
+
+        return as_rgb(self.image)
+
 
 def of_lines(lines: PoseLines, folder: Path) -> Iterator[Followed | InputError]:
     """Frames of poses that were written; pictures lie below `folder`."""
@@ -75,7 +83,8 @@ def _text(stream: IO[bytes]) -> Iterator[str]:
 
 
 class Odometry:
-    """Places of a camera by the number of the frame: a CSV with x, z and heading, as `simulate --video` writes."""
+    """Places of a camera by the number of the frame: a CSV with x, z and heading, as `simulate --video`
+    writes."""
 
     def __init__(self, path: Path) -> None:
         """Read it. Raises OSError, InputError naming file and line."""
@@ -93,7 +102,8 @@ class Odometry:
                 self._places[number] = _place(row, f"{path}:{number + 2}")
 
     def moved(self, number: int) -> tuple[float, float, float] | None:
-        """How the camera moved since the frame asked for before; None: this is the first. Raises InputError."""
+        """How the camera moved since the frame asked for before; None: this is the first. Raises
+        InputError."""
         if number not in self._places:
             raise input_error(str(self.path), f"a row for frame {number}", f"{len(self._places)} rows")
         now, before = self._places[number], self._last

@@ -54,16 +54,12 @@ class TrackPictures:
             raise input_error("--draw", "a name that ends in .png or .jpg", self.path.name)
         self._trails: dict[int, deque[FloatArray]] = {}
 
-    def add(
-        self, label: str | int, image: NDArray[np.uint8] | Path | None, seen: SeenVehicles, now: Tracks
-    ) -> None:
-        """Draw a frame. Raises OSError, InputError for a picture that cannot be read."""
+    def add(self, label: str | int, image: NDArray[np.uint8] | None, seen: SeenVehicles, now: Tracks) -> None:
+        """Draw a frame over its image (H, W, 3), or over white. Raises OSError."""
         from PIL import Image, ImageDraw
 
-        from groundpose.keypoints.image import as_rgb  # with Pillow
-
         size = seen.view.camera.image_size or (round(2 * seen.view.camera.cx), round(2 * seen.view.camera.cy))
-        pixels = np.full((size[1], size[0], 3), 255, np.uint8) if image is None else as_rgb(image)
+        pixels = np.full((size[1], size[0], 3), 255, np.uint8) if image is None else image
         picture = Image.fromarray(pixels)
         pen = ImageDraw.Draw(picture)
         downs = _downs(seen)

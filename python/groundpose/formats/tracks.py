@@ -1,8 +1,8 @@
 """Tracks as text: a table (CSV), JSON lines, KITTI's tracking format.
 
-The plane is that of the first frame, metres right (`x`) and forward (`z`) of the camera as it stood then; angles
-in degrees from forward to the right. `right` and `ahead` are the same of the camera now. `_sigma` is a standard
-deviation.
+The plane is that of the first frame, metres right (`x`) and forward (`z`) of the camera as it stood then;
+angles in degrees from forward to the right. `right` and `ahead` are the same of the camera now. `_sigma` is a
+standard deviation.
 """
 
 from __future__ import annotations

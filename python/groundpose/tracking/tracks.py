@@ -14,8 +14,8 @@ from groundpose._checks import FloatArray, input_error
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tracks:
-    """A table with one row per vehicle and frame. The plane is that of the first frame: right and forward of the
-    camera as it stood then; angles from forward to the right."""
+    """A table with one row per vehicle and frame. The plane is that of the first frame: right and forward of
+    the camera as it stood then; angles from forward to the right."""
 
     id: NDArray[np.int64]
     """Number of the vehicle, from 1 in order of appearance."""

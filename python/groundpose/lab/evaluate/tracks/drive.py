@@ -1,4 +1,5 @@
-"""Videos of the virtual drive (`groundpose simulate --video`): exact truth, keypoints of the network on the pictures."""
+"""Videos of the virtual drive (`groundpose simulate --video`): exact truth, keypoints of the network on the
+pictures."""
 
 from __future__ import annotations
 

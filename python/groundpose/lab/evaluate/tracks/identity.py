@@ -21,7 +21,9 @@ def identity(pairs: list[tuple[Said, Sequence]]) -> dict[str, float | int]:
     try:
         import motmetrics as mm
     except ModuleNotFoundError:
-        raise input_error("evaluate tracks", "motmetrics (pip install 'groundpose[tracks]')", "none") from None
+        raise input_error(
+            "evaluate tracks", "motmetrics (pip install 'groundpose[tracks]')", "none"
+        ) from None
     metrics = mm.metrics.create()
     plain = [accumulated(mm, said, sequence, _OVERLAP) for said, sequence in pairs]
     names = [sequence.name for _, sequence in pairs]
@@ -59,7 +61,8 @@ def accumulated(mm: Any, said: Said, sequence: Sequence, least: float) -> Any:
 
 
 def switches_of(said: Said, sequence: Sequence) -> int:
-    """How often a vehicle gets another number than when it was last seen: the detections' own labels, no boxes."""
+    """How often a vehicle gets another number than when it was last seen: the detections' own labels, no
+    boxes."""
     last: dict[int, int] = {}
     count = 0
     for k in np.lexsort((said.index, said.frame)).tolist():

@@ -1,8 +1,8 @@
 """Keypoints of vehicles over time: one body per vehicle, and errors that successive frames share.
 
-A network that sees the same vehicle from the same side a tenth of a second later makes nearly the same error. The
-random numbers of the simulated detector are therefore those of the frame before, partly: a Gauss-Markov sequence
-for each of them, forgotten within `time`; 0: every frame has its own.
+A network that sees the same vehicle from the same side a tenth of a second later makes nearly the same error.
+The random numbers of the simulated detector are therefore those of the frame before, partly: a Gauss-Markov
+sequence for each of them, forgotten within `time`; 0: every frame has its own.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ class FollowedKeypoints:
 
 
 def uniform(normal: FloatArray) -> FloatArray:
-    """Numbers from 0 to 1 of standard normal ones, by Winitzki's approximation of the error function (1e-4)."""
+    """Numbers from 0 to 1 of standard normal ones, by Winitzki's approximation of the error function
+    (1e-4)."""
     x2 = normal**2 / 2.0
     a = 0.147
     erf = np.sqrt(1.0 - np.exp(-x2 * (4.0 / np.pi + a * x2) / (1.0 + a * x2)))

@@ -54,10 +54,16 @@ def targets(content: dict[str, Any]) -> list[dict[str, Any]]:
                 ("median distance error %", later, 2.0 / 3.0),
                 ("median size error %", later, 0.5),
             ):
-                rows.append(_at_most(name, f"{measure}, {row['contender']}", row[measure], factor * alone[measure]))
+                rows.append(
+                    _at_most(name, f"{measure}, {row['contender']}", row[measure], factor * alone[measure])
+                )
         key = "identity switches per 100 vehicles"
         rows.append(_at_most(name, key, later[key], 0.5 * boxes[key]))
-        for measure in ("region of place holds %", "interval of heading holds %", "interval of speed holds %"):
+        for measure in (
+            "region of place holds %",
+            "interval of heading holds %",
+            "interval of speed holds %",
+        ):
             if measure in later:
                 value = later[measure]
                 rows.append(_row(name, measure, value, f"{low:g} to {high:g}", low <= value <= high))

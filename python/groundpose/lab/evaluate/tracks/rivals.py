@@ -135,7 +135,8 @@ class _Plain:
 
 
 def plain_kalman(sequence: Sequence) -> Said:
-    """A plain Kalman filter on the poses of every frame, without their other readings and what frames share."""
+    """A plain Kalman filter on the poses of every frame, without their other readings and what frames
+    share."""
     tracks: list[_Plain] = []
     rows: list[tuple[int, int, _Plain, FloatArray, FloatArray]] = []
     last, last_id, said = None, 0, Said.of_poses(sequence)
