@@ -96,7 +96,7 @@ class Tracker:
             seen.error_dof,
         )
         self.camera, self.frames = seen.view.camera, self.frames + 1
-        no_pose = np.isnan(seen.t).any(axis=1)
+        no_pose = np.isnan(seen.t[:, 0])
         self.skipped.update("no pose" if no_pose[k] else reason for k, reason in left_out)
         return Tracks.of(columns, self._names)
 
