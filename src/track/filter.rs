@@ -310,7 +310,7 @@ impl VehicleFilter {
         let dof = seen.error_dof.clamp(DOF.0, DOF.1);
         let s = m.by_state * self.belief.covariance * m.by_state.transpose() + m.noise;
         let place = self.place_distance2(&m).1;
-        let weight = |d2: f64, n: f64| ((dof + n) / (dof + d2)).min(1.0).max(1e-6);
+        let weight = |d2: f64, n: f64| ((dof + n) / (dof + d2)).clamp(1e-6, 1.0);
         let (of_place, of_heading) = (weight(place, 2.0), weight(square(m.residual[2]) / s[(2, 2)], 1.0));
         let less = Vector3::new(of_place, of_place, of_heading).map(|w| 1.0 / sqrt(w));
         m.noise = Matrix3::from_diagonal(&less) * m.noise * Matrix3::from_diagonal(&less);
