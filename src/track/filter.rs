@@ -44,7 +44,9 @@ const MOVED_OFF: (f64, f64) = (16.0, 0.7);
 /// Standard deviation of its velocity then.
 const MOVING_OFF_SIGMA: f64 = 3.0;
 /// What a wrong axis, and a front in place of a rear, say at most against a pair.
+#[cfg(feature = "std")]
 const MOST_OF_AXIS: f64 = 3.0;
+#[cfg(feature = "std")]
 const LEAST_FACING: f64 = 0.08;
 /// Errors of poses have tails at least and at most as heavy as Student's t with so many degrees of freedom.
 const DOF: (f64, f64) = (3.0, 8.0);
@@ -176,6 +178,7 @@ impl VehicleFilter {
         seen.other.map_or(f64::INFINITY, |(other, _)| away(&other)).min(away(&seen.reading))
     }
 
+    #[cfg(feature = "std")]
     /// How badly something seen agrees with where it is and faces: the squared statistical distance of the places, and
     /// costs of the axis and of which way it faces.
     pub(crate) fn disagreement(&self, camera: Camera2, seen: &Sighting) -> (f64, f64) {
