@@ -13,7 +13,7 @@ from groundpose.self_calibration.calibrate import calibrate_contacts
 from groundpose.self_calibration.contacts import Contacts
 from groundpose.self_calibration.figure import draw_calibration
 from groundpose.self_calibration.linking import linked
-from groundpose.self_calibration.plane import Known, fit_plane, normal
+from groundpose.self_calibration.plane import ROUGHNESS, SLOPE, Known, fit_plane, normal
 from groundpose.vehicles import shape_model
 from typer.testing import CliRunner
 
@@ -32,14 +32,9 @@ def contacts(seed=0, vehicles=60, sightings=4, noise=1.0, near=12.0, far=60.0):
     size = scales[kind] + noise * OWN * rng.standard_normal(vehicles)
     shared, fresh = rng.standard_normal(vehicles), rng.standard_normal(len(vehicle))
     error = noise * DISTANCE * math.sqrt(0.5) * (shared[vehicle] + fresh)
-    ground = np.stack(
-        [
-            rng.uniform(-8, 8, len(vehicle)),
-            np.full(len(vehicle), HEIGHT),
-            rng.uniform(near, far, len(vehicle)),
-        ],
-        1,
-    )
+    z = rng.uniform(near, far, len(vehicle))
+    road = noise * np.hypot(ROUGHNESS, SLOPE * z) * rng.standard_normal(len(vehicle))
+    ground = np.stack([rng.uniform(-8, 8, len(vehicle)), HEIGHT + road, z], axis=1)
     true = ground @ gp.View(CAMERA, PITCH, ROLL).R_camera_from_ground.T
     points = true * np.exp(error - size[vehicle])[:, None]
     away = points / np.linalg.norm(points, axis=1, keepdims=True)

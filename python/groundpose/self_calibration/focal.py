@@ -65,8 +65,8 @@ def estimate_focal(solver: Solver, sightings: Sightings, road: Road) -> Focal:
 
     def probe(at: FloatArray) -> FloatArray:
         seen = with_focal(sightings, float(at[0]))
-        weights = costs(upright.poses(seen, float(at[1]), float(at[2])), seen)
-        return np.asarray(np.bincount(vehicle, weights), dtype=np.float64)
+        each = costs(upright.poses(seen, float(at[1]), float(at[2])), seen)
+        return np.asarray(np.bincount(vehicle, each), dtype=np.float64)
 
     at, covariance = _minimum(probe, np.array([0.0, *road.plane.mean[_TILT]]))
     step = float(_STEPS[0])

@@ -32,8 +32,9 @@ SHARED = 0.5
 """Fraction of the variance of a pose's error that all sightings of a vehicle share."""
 CONTACT_SIGMA = 0.04
 """Metres by which all contacts are too high or too low: shapes of a class, a network's habit."""
-ROUGHNESS, SLOPE = 0.041, math.radians(0.12)
-"""Of the road under a vehicle about the plane: metres, and radians in proportion to the distance."""
+ROUGHNESS, SLOPE = 0.041, math.radians(0.4)
+"""Of the road under a vehicle about the plane: metres, and radians in proportion to the distance; roads bend
+by half a metre within 75 m."""
 _DOF = 4.0
 _ITERATIONS = 40
 _WIDE = (1.0, 0.3, 3.0)  # priors of pitch, roll and log height where nothing is known
@@ -88,8 +89,8 @@ def fit_plane(contacts: Contacts, start: tuple[float, float], known: Known) -> P
     weights = np.ones(len(contacts))
     own_weights = np.ones(contacts.vehicle_count)
     for _ in range(_ITERATIONS):
-        residual, J, variances = _linearised(contacts, at)
-        shared, own, blocks = _blocks(contacts, variances, weights, own_weights)
+        residual, J, poses, road = _linearised(contacts, at)
+        shared, own, blocks = _blocks(contacts, poses, road, weights, own_weights)
         H, g = np.diag(1.0 / prior_sigma**2), (prior_mean - at) / prior_sigma**2
         for rows, inverse in blocks:
             A = J[rows].T @ inverse
@@ -118,40 +119,42 @@ def _priors(contacts: Contacts, known: Known) -> tuple[FloatArray, FloatArray]:
     return mean, sigma
 
 
-def _linearised(contacts: Contacts, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Residuals (N,), their derivatives (N, 3 + C) with the sign of a prediction, and variances (N,) of poses
-    and road."""
+def _linearised(contacts: Contacts, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Residuals (N,), their derivatives (N, 3 + C) with the sign of a prediction, and variances (N,) of the
+    poses and of the road."""
     pitch, roll, log_height = at[:CLASSES].tolist()
     n = normal(pitch, roll)
     depth = np.maximum(contacts.points @ n, 0.05)
     by_pitch = (normal(pitch + _STEP, roll) - n) / _STEP
     by_roll = (normal(pitch, roll + _STEP) - n) / _STEP
     J = np.zeros((len(contacts), len(at)))
-    J[:, PITCH] = -(contacts.points @ by_pitch) / depth
-    J[:, ROLL] = -(contacts.points @ by_roll) / depth
+    # half measured, half predicted: the errors of either alone would pull the tilt
+    expected = np.sqrt(depth * np.exp(log_height - at[CLASSES + contacts.classes]))
+    J[:, PITCH] = -(contacts.points @ by_pitch) / expected
+    J[:, ROLL] = -(contacts.points @ by_roll) / expected
     J[:, HEIGHT] = 1.0
     J[np.arange(len(contacts)), CLASSES + contacts.classes] = -1.0
     residual = np.log(depth) - log_height + at[CLASSES + contacts.classes]
     variance = np.einsum("i,nij,j->n", n, contacts.covariances, n) / depth**2
     away = np.linalg.norm(contacts.points, axis=1)
     road = (ROUGHNESS**2 + (SLOPE * away) ** 2) / math.exp(2.0 * log_height)
-    return residual, J, variance + road
+    return residual, J, variance, road
 
 
 def _blocks(
-    contacts: Contacts, variances: FloatArray, weights: FloatArray, own_weights: FloatArray
+    contacts: Contacts, poses: FloatArray, road: FloatArray, weights: FloatArray, own_weights: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[tuple[NDArray[np.intp], FloatArray]]]:
     """Variances of single residuals (N,), of what a vehicle's have in common (V,), and of each vehicle its
     rows with the inverse of their covariance."""
     own = contacts.own_sigmas[contacts.classes] ** 2
-    common = own + SHARED * variances
-    total = common + (1.0 - SHARED) * variances
+    common, fresh = own + SHARED * poses, (1.0 - SHARED) * poses + road
+    total = common + fresh
     order = np.argsort(contacts.vehicles, kind="stable")
     edges = np.flatnonzero(np.diff(contacts.vehicles[order])) + 1
     blocks, of_vehicle = [], np.zeros(contacts.vehicle_count)
     for v, rows in enumerate(np.split(order, edges)):
         root = np.sqrt(common[rows] / own_weights[v])
-        single = (1.0 - SHARED) * variances[rows] + total[rows] * (1.0 / weights[rows] - 1.0)
+        single = fresh[rows] + total[rows] * (1.0 / weights[rows] - 1.0)
         of_vehicle[v] = float(np.mean(common[rows]))
         blocks.append((rows, np.linalg.inv(np.outer(root, root) + np.diag(single))))
     return total, of_vehicle, blocks
