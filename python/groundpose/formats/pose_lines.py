@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -72,8 +72,11 @@ class PoseLines:
         view = self.view
         with root.blamed():
             if angles:
-                radians = {key.removesuffix("_deg"): math.radians(value) for key, value in angles.items()}
-                view = replace(View(view.camera, view.pitch, view.roll, view.height), **radians)
+                pitch, roll = (
+                    math.radians(angles[key]) if key in angles else own
+                    for key, own in (("pitch_deg", view.pitch), ("roll_deg", view.roll))
+                )
+                view = View(view.camera, pitch, roll, view.height)
         return PosesOfFrame(
             place=root.place,
             id=number if label is None else label.label(),

@@ -19,7 +19,7 @@ def identity(pairs: list[tuple[Said, Sequence]]) -> dict[str, float | int]:
     except ModuleNotFoundError:
         raise input_error("evaluate tracks", "trackeval (pip install 'groundpose[tracks]')", "none") from None
     data = {str(k): compared(said, sequence) for k, (said, sequence) in enumerate(pairs)}
-    found = {}
+    found: dict[str, Any] = {}
     for metric in (HOTA(), CLEAR({"PRINT_CONFIG": False})):
         found |= metric.combine_sequences({name: metric.eval_sequence(each) for name, each in data.items()})
     switches = sum(switches_of(said, sequence) for said, sequence in pairs)
