@@ -90,7 +90,7 @@ class TrackPictures:
             pen.text((left, top - 12), f"{number} {said}", fill=colour)
         trail = self._trails.setdefault(number, deque(maxlen=_TRAIL))
         trail.append(np.array([x, down, z]))
-        dots = _pixels(view, np.array(trail)) if view is not None else np.empty((0, 2))
+        dots = _pixels(view, np.array(trail))
         dots = dots[np.isfinite(dots).all(axis=1)]
         if len(dots) > 1:
             pen.line([tuple(dot) for dot in dots.tolist()], fill=colour, width=2)
@@ -135,7 +135,14 @@ class TrackMap:
         axes = figure.add_subplot()
         for number, parts in self._lines.items():
             line = np.concatenate(parts)
-            axes.plot(line[:, 0], line[:, 1], color=colour_of(number), linewidth=1.4)
+            axes.plot(
+                *(line[:, 0], line[:, 1]),
+                color=colour_of(number),
+                linewidth=1.4,
+                marker="o",
+                markevery=[len(line) - 1],
+                markersize=3,
+            )
             end, speed = line[-1], float(np.median(line[:, 2]))
             axes.annotate(f"{number}: {speed:.0f}", end[:2], fontsize=7, color=colour_of(number))
         axes.plot(0.0, 0.0, marker="^", color="#000000", markersize=9)

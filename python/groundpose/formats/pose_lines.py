@@ -72,13 +72,11 @@ class PoseLines:
         view = self.view
         with root.blamed():
             if angles:
-                pitch, roll = angles.get("pitch_deg"), angles.get("roll_deg")
-                view = View(
-                    view.camera,
-                    view.pitch if pitch is None else math.radians(pitch),
-                    view.roll if roll is None else math.radians(roll),
-                    view.height,
+                pitch, roll = (
+                    math.radians(angles[key]) if key in angles else own
+                    for key, own in (("pitch_deg", view.pitch), ("roll_deg", view.roll))
                 )
+                view = View(view.camera, pitch, roll, view.height)
         return PosesOfFrame(
             place=root.place,
             id=number if label is None else label.label(),

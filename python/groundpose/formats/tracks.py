@@ -109,7 +109,7 @@ def kitti_text(
     for k in np.lexsort((seen.id, seen.frame)):
         key = (int(seen.frame[k]), int(seen.index[k]))
         box = None if bboxes is None else bboxes.get(key)
-        left, top, right, bottom = (-1.0, -1.0, -1.0, -1.0) if box is None else box
+        left, top, right, bottom = np.nan_to_num([np.nan] * 4 if box is None else box, nan=-1.0)
         x, z, heading = seen.seen_from[k].tolist()
         length, height, width = np.nan_to_num(seen.size[k], nan=-1.0).tolist()
         turned = math.remainder(heading - 0.5 * math.pi, 2.0 * math.pi)

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundpose._checks import finite, input_error, number, shaped, type_error
 from groundpose.poses import PoseBatch
@@ -96,7 +97,7 @@ class Tracker:
             seen.error_dof,
         )
         self.camera, self.frames = seen.view.camera, self.frames + 1
-        no_pose = np.isnan(seen.t[:, 0])
+        no_pose: NDArray[np.bool_] = np.asarray(np.isnan(seen.t).any(axis=1))
         self.skipped.update("no pose" if no_pose[k] else reason for k, reason in left_out)
         return Tracks.of(columns, self._names)
 

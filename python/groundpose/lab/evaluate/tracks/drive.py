@@ -85,7 +85,7 @@ class DriveVideo:
 
 def _is_found(item: dict[str, Any]) -> bool:
     left, top, right, bottom = item["bbox"]
-    return bool(min(right - left, bottom - top) >= LEAST_PX and item["_occluded_share"] <= MOST_HIDDEN)
+    return bool(min(right - left, bottom - top) >= LEAST_PX) and bool(item["_occluded_share"] <= MOST_HIDDEN)
 
 
 def place_of(record: dict[str, Any]) -> tuple[float, float, float]:

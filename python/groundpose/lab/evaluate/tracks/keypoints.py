@@ -89,5 +89,4 @@ def uniform(normal: FloatArray) -> FloatArray:
 
 def hash_of(text: str) -> int:
     """The same on every machine."""
-    total: int = sum(ord(c) * 131**k for k, c in enumerate(text))
-    return total % 2**31
+    return int(sum(ord(c) * 131**k for k, c in enumerate(text)) % 2**31)
