@@ -19,7 +19,7 @@ from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.destination import FORMATS, Destination, Inputs, chosen_format
-from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.inputs import NetworkFile, is_image, is_table, stamps
 from groundpose.cli.journal import Settings
 from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.options import takes_options
@@ -44,7 +44,7 @@ def estimate(
             metavar="INPUT",
             help="An image, a folder of images, a pattern ('frame_%06d.png', 'frame_*.png') or a video, with "
             "[bold]--boxes[/bold] or [bold]--detector[/bold]; or frames with keypoints: one (.json), JSON "
-            "lines (.jsonl), or - for standard input.",
+            "lines (.jsonl), or - for standard input; or frames in Parquet files: one, or a folder.",
         ),
     ],
     boxes: Annotated[
@@ -220,6 +220,7 @@ def estimate(
 
       zcat drive.jsonl.gz | groundpose estimate - --format kitti -o results/
     """
+    tables = stamps(source) if is_table(source) else None
     said = asked(locals())
     with mistakes():
         form = form or ("table" if out is None and standard_output().isatty() else "")
@@ -235,25 +236,31 @@ def estimate(
         files = (boxes, detector, calib, profile, network, learn_camera)
         read = Inputs(source, tuple(path for path in files if path))
         job = _Job(options, threads, mounting, out, form, draw, strict, read, said)
-        meant = _meant(classes or [])
-        if boxes is not None or detector is not None or is_image(source):
+        meant = named_classes(classes or [])
+        for_files = {
+            "boxes": boxes,
+            "calib": calib,
+            "camera": camera,
+            "fov-deg": fov_deg,
+            "min-score": min_score,
+            "no-pictures": None if pictures else True,
+            "no-exif": None if exif else True,
+        }
+        if tables is not None:
+            frames = (network, detector, detector_score, vehicle_threshold, meant)
+            status = job.tables(source, for_files, *frames)
+        elif boxes is not None or detector is not None or is_image(source):
             seen_by = CameraChoice(calib if profile is None else profile, camera, fov_deg)
             found_by = BoxChoice(boxes, detector, detector_score)
             status = job.images(
                 source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
             )
         else:
-            for_images = {
+            for_images = for_files | {
                 "detector-score": detector_score,
-                "calib": calib,
-                "camera": camera,
-                "fov-deg": fov_deg,
                 "network": network,
-                "min-score": min_score,
                 "vehicle-threshold": vehicle_threshold,
-                "no-pictures": None if pictures else True,
                 "classes": classes or None,
-                "no-exif": None if exif else True,
             }
             status = job.frames(source, for_images)
     raise typer.Exit(status)
@@ -284,7 +291,7 @@ def _radians(option: str, degrees: float | None, limit: float) -> float | None:
     return None if degrees is None else radians(option, degrees, limit)
 
 
-def _meant(classes: list[str]) -> dict[str, str]:
+def named_classes(classes: list[str]) -> dict[str, str]:
     """`NAME=CLASS` as names and classes."""
     for text in classes:
         if "=" not in text:
@@ -338,11 +345,41 @@ class _Job:
         drawn = self._pictures(work.several, where.pictures if pictures else None)
         return run(work, Output(where, form, self.inputs, STYLE, self.settings), drawn, self.strict)
 
+    def tables(
+        self,
+        source: Path,
+        for_files: Mapping[str, object],
+        network: Path | None,
+        detector: Path | None,
+        detector_score: float | None,
+        vehicle_threshold: float | None,
+        classes: Mapping[str, str],
+    ) -> int:
+        """Estimate the frames of Parquet files; returns the exit status."""
+        from groundpose.cli.tables import TableWork, style
+        from groundpose.fleet.worker import EstimateFrames  # with the network and the vehicles' models
+
+        _refuse_all(for_files, "is for images in files; tables have it in their rows")
+        estimate = EstimateFrames(
+            network=None if network is None else str(network),
+            detector=None if detector is None else str(detector),
+            detector_score=detector_score,
+            options=self.options,
+            threads=self.threads,
+            vehicle_threshold=vehicle_threshold,
+            classes=classes,
+            folder=str(source if source.is_dir() else source.parent),
+        )
+        work = TableWork(source, estimate, self.mounting)
+        form = chosen_format(self.form, self.out, images=False)
+        where = Destination.of_frames(self.out, form, several=True)
+        written = style(self.mounting.frame_sigma is not None)
+        output = Output(where, form, self.inputs, written, self.settings)
+        return run(work, output, self._pictures(several=True), self.strict)
+
     def frames(self, source: Path, for_images: Mapping[str, object]) -> int:
         """Estimate frames that have keypoints; returns the exit status."""
-        for name, value in for_images.items():
-            if value is not None:
-                refuse(f"--{name}: is for images, which are given with --boxes or --detector")
+        _refuse_all(for_images, "is for images, which are given with --boxes or --detector")
         with _open(source) as frames:
             work = _FrameWork(frames, self.options, self.threads, self.mounting)
             form = chosen_format(self.form, self.out, images=False)
@@ -354,6 +391,12 @@ class _Job:
     def _pictures(self, several: bool, instead: Path | None = None) -> Pictures | None:
         path = self.draw or instead
         return None if path is None else Pictures(path, several, self.inputs)
+
+
+def _refuse_all(given: Mapping[str, object], why: str) -> None:
+    for name, value in given.items():
+        if value is not None:
+            refuse(f"--{name}: {why}")
 
 
 @dataclass

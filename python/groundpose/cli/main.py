@@ -15,6 +15,7 @@ from groundpose.cli.crops import crops
 from groundpose.cli.estimate import estimate
 from groundpose.cli.evaluate import app as evaluate
 from groundpose.cli.experiment import experiment
+from groundpose.cli.fleet import app as fleet
 from groundpose.cli.inputs import NetworkFile
 from groundpose.cli.output import console, mistakes, on_any_terminal, show
 from groundpose.cli.simulate import simulate
@@ -41,6 +42,7 @@ app.command()(track)
 app.command()(simulate)
 app.command()(experiment)
 app.add_typer(evaluate, name="evaluate")
+app.add_typer(fleet, name="fleet")
 for command in (crops, train, export, bench):
     app.command()(command)
 
