@@ -350,13 +350,11 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         """`to_arrow` as a `pandas.DataFrame`. Raises InputError when pyarrow or pandas is not installed."""
         table = self.to_arrow(frame)
         try:
-            made = table.to_pandas()
+            return table.to_pandas()
         except ModuleNotFoundError as error:
             raise input_error(
                 "to_pandas", "pandas (pip install pandas)", f"no package {error.name}"
             ) from None
-        made.attrs |= {key.decode(): text.decode() for key, text in table.schema.metadata.items()}
-        return made
 
     def to_records(self, frame: str = "") -> list[dict[str, Any]]:
         """`to_arrow` as plain Python: a dictionary for each object. Raises InputError without pyarrow."""
@@ -369,8 +367,8 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         larger table, bit for bit. Ids of objects are texts, and `VehiclePoses` lose their seconds.
 
         Raises:
-            InputError: a schema of another version, missing columns or values, rows of several frames,
-                a frame that could not be estimated; no row, and not the metadata of `to_arrow`.
+            InputError: a schema of another version, missing columns or values, rows of several frames, a
+                frame that could not be estimated; no row, and not the metadata of `to_arrow`.
             TypeError: something else.
         """
         from groundpose.formats.arrow_poses import from_arrow  # stands above this file

@@ -46,7 +46,7 @@ pub const CAMERA_NUMBERS: usize = UNKNOWNS;
 /// let truth = View::new(camera, Tilt { pitch: -0.0175, roll: 0.0 })?;
 /// let covariance = PoseCovariance::identity() * 1e-3;
 /// let mut answers = [FrameAnswer::default(); 2];
-/// for k in 0..50 {
+/// for k in 0..1000 {
 ///     let z = 10.0 + f64::from(k % 7) * 4.0;
 ///     let cars = [[-3.0, z], [3.0, z + 8.0]].map(|[x, z]| {
 ///         FrameObject::new(Pose::upright(&truth, 0.0, [x, 1.5, z].into()), covariance, [0.0; 3], 0).unwrap()

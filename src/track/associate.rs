@@ -9,13 +9,13 @@ use crate::track::sighting::Sighting;
 use crate::track::vehicle::{Moment, Vehicle};
 
 /// Costs are log probabilities: nothing costs more than this, and a pair that costs more is none.
-const MOST: f64 = 13.0;
-/// A place says no more than this, once it is far off.
+const MOST: f64 = 16.0;
+/// A place says no more than this of boxes that overlap.
 const MOST_OF_PLACE: f64 = 8.0;
 /// 2D boxes that do not overlap.
 const OF_BOX: f64 = 8.0;
 /// Another class.
-const OF_CLASS: f64 = 2.5;
+const OF_CLASS: f64 = 1.5;
 /// Boxes that overlap so far are one vehicle, wherever the pose puts it.
 const OVERLAP: f64 = 0.4;
 /// Boxes older than this say nothing, s.
@@ -92,7 +92,8 @@ fn worth(
         return 0.0;
     }
     let of_class = if seen.class == vehicle.class() { 0.0 } else { OF_CLASS };
-    MOST - (0.5 * d2).min(MOST_OF_PLACE) - facing - OF_BOX * (1.0 - overlap.unwrap_or(0.5)) - of_class
+    let of_place = if one_by_box { (0.5 * d2).min(MOST_OF_PLACE) } else { 0.5 * d2 };
+    MOST - of_place - facing - OF_BOX * (1.0 - overlap.unwrap_or(0.5)) - of_class
 }
 
 /// Intersection over union; none for boxes that are not known.

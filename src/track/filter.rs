@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
 use crate::geometry::math::{atan2, cos, exp, log, sin, sqrt, square};
 use crate::track::facing::Facing;
 use crate::track::model::{
-    ACCELERATION, AXIS, BEARING_ERROR, Belief, Camera2, DISTANCE_ERROR, HEADING_ERROR, Motion, SCALE, State,
+    ACCELERATION, AXIS, BEARING_ERROR, Belief, Camera2, DISTANCE_ERROR, ERRORS, HEADING_ERROR, Motion, SCALE, State,
     StateMatrix, TRACK_NUMBERS, TURNING, VX, VZ, X, Z,
 };
 use crate::track::options::{CameraMotion, TrackOptions};
@@ -44,7 +44,9 @@ const MOVED_OFF: (f64, f64) = (16.0, 0.7);
 /// Standard deviation of its velocity then.
 const MOVING_OFF_SIGMA: f64 = 3.0;
 /// What a wrong axis, and a front in place of a rear, say at most against a pair.
+#[cfg(feature = "std")]
 const MOST_OF_AXIS: f64 = 3.0;
+#[cfg(feature = "std")]
 const LEAST_FACING: f64 = 0.08;
 /// Errors of poses have tails at least and at most as heavy as Student's t with so many degrees of freedom.
 const DOF: (f64, f64) = (3.0, 8.0);
@@ -118,6 +120,9 @@ impl VehicleFilter {
             camera,
             options: *options,
         };
+        for (k, variance) in ERRORS.into_iter().zip(filter.slow_errors()) {
+            filter.belief.covariance[(k, k)] = variance;
+        }
         filter.take(camera, f64::INFINITY, seen, &seen.reading);
         filter
     }
@@ -139,6 +144,7 @@ impl VehicleFilter {
             acceleration_sigma: calm * self.options.acceleration_sigma,
             turning_sigma: calm * self.options.turning_sigma,
             keep: 1.0,
+            errors: self.slow_errors(),
             shift: [camera[0] - self.camera[0], camera[1] - self.camera[1]],
             along_axis: self.along_axis(),
         };
@@ -147,6 +153,13 @@ impl VehicleFilter {
         let (belief, by_before) = self.belief.predicted(dt, &motion);
         self.belief = belief;
         by_before
+    }
+
+    /// Variances of the errors that are the same as long as the picture is.
+    fn slow_errors(&self) -> [f64; 3] {
+        let slow = self.options.slow_fraction;
+        let variance = self.stated.map(|x| slow * exp(2.0 * x));
+        [OF_DISTANCE * variance[0], variance[1], variance[2]]
     }
 
     /// How much of a network's errors is still the same after `dt` seconds: it is forgotten as the vehicle turns, in what
@@ -165,6 +178,7 @@ impl VehicleFilter {
         seen.other.map_or(f64::INFINITY, |(other, _)| away(&other)).min(away(&seen.reading))
     }
 
+    #[cfg(feature = "std")]
     /// How badly something seen agrees with where it is and faces: the squared statistical distance of the places, and
     /// costs of the axis and of which way it faces.
     pub(crate) fn disagreement(&self, camera: Camera2, seen: &Sighting) -> (f64, f64) {
@@ -236,28 +250,25 @@ impl VehicleFilter {
     /// A reading against the belief. The shared errors are numbers of the state, the rest is noise.
     fn measured(&self, camera: Camera2, reading: &Reading) -> Measured {
         let there = Vector2::from(turned_by(camera[2], reading.place));
-        let distance = there.norm().max(0.1);
-        let (s, c) = (sin(camera[2]), cos(camera[2]));
-        let turn = Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
-        let ray = there / distance;
+        let mean = &self.belief.mean;
+        let expected_there = Vector2::new(mean[X], mean[Z]);
+        let away = expected_there.norm().max(0.1);
+        // Along the expected ray, not the measured one: an axis that errs as the measurement does would make every
+        // vehicle nearer.
+        let ray = expected_there / away;
         let side = Vector2::new(ray[1], -ray[0]);
+        let (s, c) = (sin(camera[2]), cos(camera[2]));
+        let turn = aligned(&there, &ray) * Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
         let usual = self.usual(reading, &ray, &side);
         let covariance = usual * turn * reading.covariance * turn.transpose() * usual;
-        let plane = covariance.fixed_view::<2, 2>(0, 0);
-        let variance = |of: &Vector2<f64>| of.dot(&(plane * of)).max(0.0);
-        let slow = self.options.slow_fraction;
-        let slow_distance = ray * sqrt(OF_DISTANCE * slow * variance(&ray));
-        let slow_bearing = side * sqrt(slow * variance(&side));
-        let slow_heading = sqrt(slow * covariance[(2, 2)]);
-        let mean = &self.belief.mean;
         let mut by_state = SMatrix::<f64, 3, TRACK_NUMBERS>::zeros();
         for k in 0..2 {
             by_state[(k, X + k)] = 1.0;
-            by_state[(k, DISTANCE_ERROR)] = slow_distance[k];
-            by_state[(k, BEARING_ERROR)] = slow_bearing[k];
+            by_state[(k, DISTANCE_ERROR)] = ray[k] * away;
+            by_state[(k, BEARING_ERROR)] = side[k] * away;
         }
         by_state[(2, AXIS)] = 1.0;
-        by_state[(2, HEADING_ERROR)] = slow_heading;
+        by_state[(2, HEADING_ERROR)] = 1.0;
         let expected = by_state * mean;
         let residual = Vector3::new(
             there[0] - expected[0],
@@ -302,7 +313,7 @@ impl VehicleFilter {
         let dof = seen.error_dof.clamp(DOF.0, DOF.1);
         let s = m.by_state * self.belief.covariance * m.by_state.transpose() + m.noise;
         let place = self.place_distance2(&m).1;
-        let weight = |d2: f64, n: f64| ((dof + n) / (dof + d2)).min(1.0).max(1e-6);
+        let weight = |d2: f64, n: f64| ((dof + n) / (dof + d2)).clamp(1e-6, 1.0);
         let (of_place, of_heading) = (weight(place, 2.0), weight(square(m.residual[2]) / s[(2, 2)], 1.0));
         let less = Vector3::new(of_place, of_place, of_heading).map(|w| 1.0 / sqrt(w));
         m.noise = Matrix3::from_diagonal(&less) * m.noise * Matrix3::from_diagonal(&less);
@@ -411,6 +422,13 @@ fn turned_by(yaw: f64, [x, z]: [f64; 2]) -> [f64; 2] {
 /// The difference of two axes, between -pi / 2 and pi / 2.
 fn folded(angle: f64) -> f64 {
     0.5 * wrapped(2.0 * angle)
+}
+
+/// The turn in the plane that lays one direction on another.
+fn aligned(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
+    let length = from.norm().max(1e-9) * to.norm().max(1e-9);
+    let (c, s) = (from.dot(to) / length, (from[0] * to[1] - from[1] * to[0]) / length);
+    Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
 }
 
 /// Logarithms of the standard deviations that a reading states: of distance and bearing, in distances, and of heading.

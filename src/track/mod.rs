@@ -10,7 +10,7 @@
 //! | yaw rate | rad/s | random walk |
 //! | acceleration along the axis | m/s^2 | forgets within seconds |
 //! | log scale | | constant: a class-mean size that is wrong puts every pose of the vehicle as much too far |
-//! | log distance, bearing, heading | stated sigmas | errors of a network, the same as long as the picture is |
+//! | errors of distance, bearing, heading | distances, rad | errors of a network, the same as long as the picture is |
 //!
 //! Poses of one vehicle share errors. Taken as independent they would make a filter that is sure and wrong.
 

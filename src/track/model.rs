@@ -25,8 +25,8 @@ pub(crate) const SCALE: usize = 7;
 pub(crate) const DISTANCE_ERROR: usize = 8;
 pub(crate) const BEARING_ERROR: usize = 9;
 pub(crate) const HEADING_ERROR: usize = 10;
-/// Errors of a network, in stated standard deviations.
-const ERRORS: [usize; 3] = [DISTANCE_ERROR, BEARING_ERROR, HEADING_ERROR];
+/// Errors of a network: of distance and bearing in distances, of heading in radians.
+pub(crate) const ERRORS: [usize; 3] = [DISTANCE_ERROR, BEARING_ERROR, HEADING_ERROR];
 
 pub(crate) type State = SVector<f64, TRACK_NUMBERS>;
 pub(crate) type StateMatrix = SMatrix<f64, TRACK_NUMBERS, TRACK_NUMBERS>;
@@ -48,6 +48,8 @@ pub(crate) struct Motion {
     pub(crate) turning_sigma: f64,
     /// How much of a network's errors is still the same: its picture has changed.
     pub(crate) keep: f64,
+    /// Variances of the errors that pictures share: of distance and bearing, in distances, and of heading.
+    pub(crate) errors: [f64; 3],
     /// How the camera moved meanwhile, metres along the axes of the plane.
     pub(crate) shift: [f64; 2],
     /// Whether a vehicle moves along its axis: not so relative to a camera whose motion is not known.
@@ -231,8 +233,8 @@ fn noise(x: &State, dt: f64, motion: &Motion) -> StateMatrix {
     q[(TURNING, TURNING)] = turning * dt;
     q[(ACCELERATION, ACCELERATION)] = along * (1.0 - exp(-2.0 * dt / ACCELERATION_TIME));
     q[(SCALE, SCALE)] = 1e-8 * dt;
-    for k in ERRORS {
-        q[(k, k)] = 1.0 - square(motion.keep);
+    for (k, variance) in ERRORS.into_iter().zip(motion.errors) {
+        q[(k, k)] = variance * (1.0 - square(motion.keep));
     }
     q
 }

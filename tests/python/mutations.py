@@ -407,7 +407,7 @@ def kinds() -> dict[str, Kind]:
         "cameras, JSON": Kind(objects, tree, _camera, 4.0),
         "boxes, text and XML": Kind([t.encode() for t in sets.values()], text, _boxes, 6.0),
         "boxes, JSON": Kind(records, tree, _boxes, 4.0),
-        "frames": Kind([_frame_lines()], tree, _frames, 3.0),
+        "frames": Kind([_frame_lines()], tree, _frames, 1.5),
         "COCO keypoints": Kind([_json(_coco_names())], tree, _coco_keypoints, 2.0),
         "KITTI labels": Kind([labels.encode()], text, read_labels, 2.0),
         "KITTI tracks": Kind([tracks.encode()], text, read_tracking),
@@ -424,7 +424,7 @@ def kinds() -> dict[str, Kind]:
 
 
 def _detectors() -> list[bytes]:
-    names = {"names": str({0: "person", 2: "car"}), "task": "detect", "stride": "32"}
+    names = {"names": str({0: "person", 1: "bicycle", 2: "car"}), "task": "detect", "stride": "32"}
     return [
         _saved(lambda path, way=way: detectors.write(path, way, metadata=names)) for way in detectors.WAYS
     ]

@@ -36,7 +36,7 @@ def _is_pipe(path: Path | None) -> bool:
 
 
 def _look(path: Path, ours: set[str]) -> str:
-    """Changes with the size or the time of a file, or of one in a folder, hidden ones and our own results left
+    """Changes with the size or time of a file, or of one in a folder, hidden ones and our own results left
     out; of a name that is none, with those beside it."""
     if path.is_file():
         return _stamp(path.name, path.stat())

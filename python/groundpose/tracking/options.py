@@ -24,18 +24,18 @@ class TrackOptions(Value):
         acceleration_sigma: m/s^2, of a vehicle's acceleration along its axis.
         turning_sigma: rad/s, of the change of its yaw rate within a second.
         speed_sigma: m/s, of its speed before anything is seen of it.
-        constant_fraction: variance of a distance that is the same in all frames of a vehicle, in stated variances: its
-            class is not as large as it is. Nothing but motion of the camera makes a tracker surer of it than one
-            picture is.
-        slow_fraction: variance of bearings and headings that is the same as long as the picture is, in stated ones; of
-            distances half as much.
+        constant_fraction: variance of a distance that is the same in all frames of a vehicle, in stated
+            variances: its class is not as large as it is. Nothing but motion of the camera makes a tracker
+            surer of it than one picture is.
+        slow_fraction: variance of bearings and headings that is the same as long as the picture is, in
+            stated ones; of distances half as much.
         own_fraction: variance that every frame has of its own, in stated ones; of distances half as much.
         error_time: s, within which a network forgets its errors when the picture stays the same.
         gate: squared statistical distance up to which a pose can belong to a vehicle.
         longest_gap: s; a vehicle not seen for longer has left.
         least_sightings: until a vehicle is one.
-        longest_history: frames of a vehicle that are kept to be smoothed; when there are so many, the older half
-            is handed out.
+        longest_history: frames of a vehicle that are kept to be smoothed; when there are so many, the older
+            half is handed out.
 
     Raises:
         InputError: a value out of range. TypeError: a value of another type.

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundpose._checks import finite, input_error, number, shaped, type_error
 from groundpose.poses import PoseBatch
@@ -18,8 +19,8 @@ from groundpose.types import Camera, View
 class Tracker:
     """Follows all vehicles before one camera, frame after frame.
 
-    A vehicle has one identity, one size and one front in all its frames. Answers of `update` know the frames so
-    far; those of `finish` and `take` know the later ones too.
+    A vehicle has one identity, one size and one front in all its frames. Answers of `update` know the frames
+    so far; those of `finish` and `take` know the later ones too.
 
     >>> tracker = gp.Tracker(view)
     >>> for time, image in video:
@@ -63,15 +64,17 @@ class Tracker:
         """The next frame: its vehicles, and those that are not seen for a moment.
 
         Args:
-            poses: of the frame's objects, maybe none. Objects without a pose or with numbers that cannot be are
-                left out and counted in `skipped`.
+            poses: of the frame's objects, maybe none. Objects without a pose or with numbers that cannot be
+                are left out and counted in `skipped`.
             time: seconds, after that of the frame before.
             ego_motion: with `camera_motion="odometry"`: where the camera is now as the camera before saw it,
-                metres right and forward, and radians that it turned to the right; of the first frame not needed.
+                metres right and forward, and radians that it turned to the right; of the first frame not
+                needed.
 
         Raises:
-            InputError: a time that is not after the one before, another camera, ego-motion that is missing or not
-                expected. The frame is left out then, and nothing else changes. TypeError: something else.
+            InputError: a time that is not after the one before, another camera, ego-motion that is missing
+                or not expected. The frame is left out then, and nothing else changes.
+            TypeError: something else.
         """
         if not isinstance(poses, (PoseBatch, SeenVehicles)):
             raise type_error("poses", "a PoseBatch or SeenVehicles", poses)
@@ -94,7 +97,7 @@ class Tracker:
             seen.error_dof,
         )
         self.camera, self.frames = seen.view.camera, self.frames + 1
-        no_pose = np.isnan(seen.t).any(axis=1)
+        no_pose: NDArray[np.bool_] = np.asarray(np.isnan(seen.t).any(axis=1))
         self.skipped.update("no pose" if no_pose[k] else reason for k, reason in left_out)
         return Tracks.of(columns, self._names)
 
@@ -103,12 +106,12 @@ class Tracker:
             raise input_error("poses", f"those of {self.camera}", f"those of {camera}")
 
     def take(self) -> Tracks:
-        """Smoothed rows of vehicles that have left, and the older ones of those that stay long. Each row is handed
-        out once: call it now and then when there is no end."""
+        """Smoothed rows of vehicles that have left, and the older ones of those that stay long. Each row is
+        handed out once: call it now and then when there is no end."""
         return Tracks.of(self._core.take_finished(), self._names).sorted()
 
     def finish(self) -> Tracks:
-        """All vehicles leave: their smoothed rows, and those that `take` has not handed out. Frames may follow;
-        their vehicles are new ones."""
+        """All vehicles leave: their smoothed rows, and those that `take` has not handed out. Frames may
+        follow; their vehicles are new ones."""
         self._core.finish()
         return self.take()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -12,55 +12,50 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray, input_error
 
 
-def _column(*shape: int) -> Any:
-    """Of a column: its shape for one row."""
-    return field(metadata={"shape": shape})
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tracks:
-    """A table with one row per vehicle and frame. The plane is that of the first frame: right and forward of the
-    camera as it stood then; angles from forward to the right."""
+    """A table with one row per vehicle and frame. The plane is that of the first frame: right and forward of
+    the camera as it stood then; angles from forward to the right."""
 
-    id: NDArray[np.int64] = _column()
+    id: NDArray[np.int64]
     """Number of the vehicle, from 1 in order of appearance."""
-    name: NDArray[np.str_] = _column()
+    name: NDArray[np.str_]
     """Its class, from all its frames."""
-    frame: NDArray[np.int64] = _column()
+    frame: NDArray[np.int64]
     """Number of the frame, from 0 in the order of `Tracker.update`."""
-    time: FloatArray = _column()
+    time: FloatArray
     """Seconds, as given."""
-    index: NDArray[np.int64] = _column()
+    index: NDArray[np.int64]
     """Which object of the frame it was; -1: not seen."""
-    place: FloatArray = _column(2)
+    place: FloatArray
     """(2,) metres, right and forward: the middle of its bottom face."""
-    place_covariance: FloatArray = _column(2, 2)
+    place_covariance: FloatArray
     """(2, 2) of the place."""
-    heading: FloatArray = _column()
+    heading: FloatArray
     """Radians, -pi to pi: 0 = forward, pi / 2 = to the right."""
-    heading_sigma: FloatArray = _column()
+    heading_sigma: FloatArray
     """Radians, its standard deviation, if it does not face the other way."""
-    facing_probability: FloatArray = _column()
+    facing_probability: FloatArray
     """Probability that it does not face the other way."""
-    speed: FloatArray = _column()
+    speed: FloatArray
     """m/s along the heading, negative: it reverses; relative to a camera whose motion is not known."""
-    speed_sigma: FloatArray = _column()
+    speed_sigma: FloatArray
     """m/s."""
-    yaw_rate: FloatArray = _column()
+    yaw_rate: FloatArray
     """rad/s, positive to the right."""
-    yaw_rate_sigma: FloatArray = _column()
+    yaw_rate_sigma: FloatArray
     """rad/s."""
-    acceleration: FloatArray = _column()
+    acceleration: FloatArray
     """m/s^2 along the heading."""
-    acceleration_sigma: FloatArray = _column()
+    acceleration_sigma: FloatArray
     """m/s^2."""
-    size: FloatArray = _column(3)
+    size: FloatArray
     """(3,) metres, length, height, width; NaN: not known."""
-    size_sigma: FloatArray = _column(3)
+    size_sigma: FloatArray
     """(3,) metres."""
-    standing: NDArray[np.bool_] = _column()
+    standing: NDArray[np.bool_]
     """Whether it stands still."""
-    seen_from: FloatArray = _column(3)
+    seen_from: FloatArray
     """(3,) metres right and forward of the camera now, and radians of the heading against the camera's."""
 
     @classmethod

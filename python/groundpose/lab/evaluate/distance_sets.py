@@ -189,7 +189,7 @@ class _Sums:
         self.within.append(np.abs(distance - true) <= np.sqrt(poses.region(dimensions=1) * variance))
         self.distances.append(true)
         up, estimated = (v.R_camera_from_ground[:, 1] for v in (known.truth, poses.view))
-        self.tilts.append(math.degrees(math.acos(min(1.0, float(up @ estimated)))))
+        self.tilts.append(math.degrees(math.atan2(np.linalg.norm(np.cross(up, estimated)), up @ estimated)))
 
     def numbers(self) -> dict[str, Any]:
         """Their summary."""

@@ -214,7 +214,7 @@ _TITLES = {
     "pictures": "Pictures, the bundled network's keypoints, labelled boxes",
     "table": "Table of many vehicles, simulated keypoints with a CNN's errors, a detector's boxes",
     "drive": "Virtual drives, exact truth: simulated keypoints with a CNN's errors, a detector's boxes",
-    "road side, 6 m": "Renders from 6 m above a road, the bundled network's keypoints, tilt up to 3 deg wrong",
+    "road side, 6 m": "Renders from 6 m above a road, the network's keypoints, tilt up to 3 degrees wrong",
     "road side, 8 m": "Renders from 8 m above a road, the same",
     "apollo": "ApolloCar3D, keypoints labelled by hand, shape basis of 79 models; heights unknown",
 }

@@ -141,7 +141,8 @@ class Simulated:
 def seen_of(
     frame: KittiFrame, labels: Sequence[KittiLabel | None], keys: Sequence[tuple[int, ...]]
 ) -> tuple[FloatArray, npt.NDArray[np.int64], FloatArray]:
-    """Exact pixels (N, P, 2), states (N, P) and bodies (N, P, 3) of labelled vehicles; equal keys, equal shapes."""
+    """Exact pixels (N, P, 2), states (N, P) and bodies (N, P, 3) of labelled vehicles; equal keys, equal
+    shapes."""
     nobody = shape_model(CLASSES[0]).keypoints_3d
     bodies = [nobody if label is None else _body(label, key) for label, key in zip(labels, keys, strict=True)]
     points, states = _exact(frame, bodies, labels)

@@ -170,6 +170,7 @@ class Draws:
 
     @classmethod
     def of(cls, seen: Seen, seed: int) -> Draws:
+        """Those of N objects with P keypoints."""
         children = np.random.SeedSequence((seed, STREAM)).spawn(8)
         streams = [np.random.Generator(np.random.PCG64(child)) for child in children]
         shape, corner = seen.state.shape, seen.bboxes[:, None, :2]

@@ -1,4 +1,5 @@
-"""Videos of the virtual drive (`groundpose simulate --video`): exact truth, keypoints of the network on the pictures."""
+"""Videos of the virtual drive (`groundpose simulate --video`): exact truth, keypoints of the network on the
+pictures."""
 
 from __future__ import annotations
 
@@ -84,7 +85,7 @@ class DriveVideo:
 
 def _is_found(item: dict[str, Any]) -> bool:
     left, top, right, bottom = item["bbox"]
-    return min(right - left, bottom - top) >= LEAST_PX and item["_occluded_share"] <= MOST_HIDDEN
+    return bool(min(right - left, bottom - top) >= LEAST_PX) and bool(item["_occluded_share"] <= MOST_HIDDEN)
 
 
 def place_of(record: dict[str, Any]) -> tuple[float, float, float]:

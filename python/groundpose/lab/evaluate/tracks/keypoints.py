@@ -1,22 +1,22 @@
 """Keypoints of vehicles over time: one body per vehicle, and errors that successive frames share.
 
-A network that sees the same vehicle from the same side a tenth of a second later makes nearly the same error. The
-random numbers of the simulated detector are therefore those of the frame before, partly: a Gauss-Markov sequence
-for each of them, forgotten within `time`; 0: every frame has its own.
+A network that sees the same vehicle from the same side a tenth of a second later makes nearly the same error.
+The random numbers of the simulated detector are therefore those of the frame before, partly: a Gauss-Markov
+sequence for each of them, forgotten within `time`; 0: every frame has its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from groundpose._checks import FloatArray
-from groundpose.lab.evaluate.kitti.keypoints import WIDTH, Found, seen_of
-from groundpose.lab.evaluate.simulated.keypoint_noise import Detector, Draws, Seen
 from groundpose.formats.kitti.dataset import KittiFrame
 from groundpose.formats.kitti.labels import CLASS_OF, KittiLabel
+from groundpose.lab.evaluate.kitti.keypoints import WIDTH, Found, seen_of
+from groundpose.lab.evaluate.simulated.keypoint_noise import Detector, Draws, Seen
 from groundpose.vehicles import keypoint_indices, shape_model
 
 _UNIFORM = ("confused", "band", "wrong", "kind", "another", "score", "anywhere")
@@ -79,7 +79,8 @@ class FollowedKeypoints:
 
 
 def uniform(normal: FloatArray) -> FloatArray:
-    """Numbers from 0 to 1 of standard normal ones, by Winitzki's approximation of the error function (1e-4)."""
+    """Numbers from 0 to 1 of standard normal ones, by Winitzki's approximation of the error function
+    (1e-4)."""
     x2 = normal**2 / 2.0
     a = 0.147
     erf = np.sqrt(1.0 - np.exp(-x2 * (4.0 / np.pi + a * x2) / (1.0 + a * x2)))
@@ -88,4 +89,4 @@ def uniform(normal: FloatArray) -> FloatArray:
 
 def hash_of(text: str) -> int:
     """The same on every machine."""
-    return sum(ord(c) * 131**k for k, c in enumerate(text)) % 2**31
+    return int(sum(ord(c) * 131**k for k, c in enumerate(text)) % 2**31)

@@ -1,5 +1,5 @@
-"""Sequences of KITTI's tracking set as the table of vehicles has them: boxes of a detector, keypoints drawn as a
-network finds them, truth of the labels. The camera's motion is not known."""
+"""Sequences of KITTI's tracking set as the table of vehicles has them: boxes of a detector, keypoints drawn
+as a network finds them, truth of the labels. The camera's motion is not known."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class Sort:
                     )
                     track.hits, track.misses = track.hits + 1, 0
                     ids[column] = track.id
-        for column in np.flatnonzero(ids < 0):
+        for column in np.flatnonzero(ids < 0).tolist():
             self.last_id += 1
             P = np.diag([10.0, 10.0, 10.0, 10.0, 1e4, 1e4, 1e4])
             start = Kalman(np.concatenate([_measured(boxes[column]), np.zeros(3)]), P)
@@ -135,7 +135,8 @@ class _Plain:
 
 
 def plain_kalman(sequence: Sequence) -> Said:
-    """A plain Kalman filter on the poses of every frame, without their other readings and what frames share."""
+    """A plain Kalman filter on the poses of every frame, without their other readings and what frames
+    share."""
     tracks: list[_Plain] = []
     rows: list[tuple[int, int, _Plain, FloatArray, FloatArray]] = []
     last, last_id, said = None, 0, Said.of_poses(sequence)
@@ -147,12 +148,13 @@ def plain_kalman(sequence: Sequence) -> Said:
             _predict(track, dt)
         place, heading, covariance = plane_of(frame.poses)
         found = np.flatnonzero(frame.poses.ok)
-        for track, i in _pairs(tracks, place, covariance, found):
-            if track is None:
+        for known, i in _pairs(tracks, place, covariance, found):
+            if known is None:
                 last_id += 1
                 track = _started(last_id, place[i], heading[i], covariance[i])
                 tracks.append(track)
             else:
+                track = known
                 track.place.update(np.eye(2, 4), place[i], covariance[i, :2, :2])
                 turned = wrapped(np.array([heading[i] - track.heading.x[0]]))
                 track.heading.update(np.eye(1, 2), track.heading.x[:1] + turned, covariance[i, 2:, 2:])
