@@ -339,6 +339,13 @@ def test_a_folder_of_pictures_is_theirs_though_results_lie_in_it(tmp_path):
     assert is_table(tmp_path / "poses.parquet")
 
 
+def test_ray_is_asked_for_in_words(source, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    refused = run("fleet", "estimate", source, tmp_path / "out", "--ray", "local")
+    assert refused.exit_code == 2
+    assert "pip install 'groundpose[fleet]'" in one_line(refused)
+
+
 def test_a_dry_run_says_what_there_is_to_do(source, tmp_path):
     said = run("fleet", "estimate", source, tmp_path / "out", "--dry-run", "--workers", 2)
     assert said.exit_code == 0
