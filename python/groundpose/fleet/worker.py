@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
@@ -131,7 +132,8 @@ class EstimateFrames:
         except InputError as error:
             if isinstance(error.__cause__, (MemoryError, OSError)) and not _is_gone(error.__cause__):
                 raise error.__cause__ from None  # of the worker, not of the frame
-            return Answer(row.frame, None, str(error), row.time, row.image)
+            said = str(error).replace(f"{Path(self.folder)}{os.sep}", "")  # the same rows wherever it lies
+            return Answer(row.frame, None, said, row.time, row.image)
         given = row.objects or ()
         ids = [o.id for o in given] or None
         scores = [o.score for o in given] or None
