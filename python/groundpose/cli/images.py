@@ -172,7 +172,6 @@ def vehicle_record(frame: Frame, poses: VehiclePoses) -> str:
     vehicle and of its class, and its keypoints with their scores."""
     each = [
         {
-            "bbox": o.bbox,
             **({} if o.score is None else {"detection_score": o.score}),
             "vehicle_probability": float(vehicle),
             "model_probability": float(probability),
