@@ -37,6 +37,10 @@ DOORS = {
     ("types", "formats.calibrations"): "Camera.from_file: a camera reads itself from any format",
     ("poses", "draw"): "PoseBatch.draw: a result shows itself",
     (
+        "poses",
+        "formats.neighbours.supervision",
+    ): "PoseBatch.to_supervision: a result in the terms of a library",
+    (
         "vehicles",
         "lab.bodies",
     ): "vehicles.body and its like: public names whose code only the laboratory needs",

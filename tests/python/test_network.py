@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import pickle
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ import pytest
 from groundpose import Network, Pipeline, VehiclePoses
 from groundpose.cli.inputs import NetworkFile
 from groundpose.keypoints import network as network_module
+from groundpose.keypoints import onnx as onnx_file
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.keypoints.image import as_rgb
 from groundpose.keypoints.network import CERTAINTY, FORMAT
@@ -263,3 +265,38 @@ def test_calibration_recovers_the_chances():
     assert np.all((chance >= 0.0) & (chance <= 1.0))
     constant = Calibration.fit(found, np.ones(400), np.ones((400, K), bool), np.ones((400, K), bool))
     assert np.isfinite(constant.numbers).all()
+
+
+@pytest.mark.parametrize("providers", [["cpu"], ["CPUExecutionProvider"], ("CPU",), [], None])
+def test_the_cpu_runs_a_network_by_any_of_its_names(path, providers):
+    pipeline = gp.Pipeline(path, providers=providers)
+    assert pipeline.network._file._session.get_providers() == ["CPUExecutionProvider"]
+    again = pickle.loads(pickle.dumps(pipeline.network))
+    assert again._providers == (None if providers is None else tuple(providers))
+
+
+@pytest.mark.parametrize("name", ["NoSuchExecutionProvider", "nosuch"])
+def test_a_provider_that_is_not_there_is_refused_with_those_that_are(path, name):
+    expected = rf"providers: expected execution providers of .*CPUExecutionProvider.*, got '{name}'"
+    with pytest.raises(gp.InputError, match=expected):
+        gp.Pipeline(path, providers=[name])
+    with pytest.raises(gp.InputError, match=expected):
+        gp.Network(path, providers=[name, "cpu"])
+    with pytest.raises(TypeError, match="providers: expected a list of names"):
+        gp.Network(path, providers="cpu")
+
+
+def test_a_provider_that_does_not_start_is_refused(path, monkeypatch):
+    """onnxruntime goes on with the CPU when it cannot load a provider's libraries."""
+    there = ["NoSuchExecutionProvider", "CPUExecutionProvider"]
+    ort = onnx_file.runtime()
+    monkeypatch.setattr(ort, "get_available_providers", lambda: there)
+    begin = ort.InferenceSession
+    monkeypatch.setattr(ort, "InferenceSession", lambda *a, providers: begin(*a, providers=providers[-1:]))
+    with pytest.raises(gp.InputError, match="NoSuchExecutionProvider, which does not start here"):
+        gp.Network(path, providers=["nosuch"])
+
+
+def test_a_network_given_has_its_own_providers(path):
+    with pytest.raises(gp.InputError, match="providers: expected None beside a Network"):
+        gp.Pipeline(gp.Network(path), providers=["cpu"])

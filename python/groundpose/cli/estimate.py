@@ -174,6 +174,16 @@ def estimate(
         ),
     ] = None,
     threads: Annotated[int | None, typer.Option(min=1, show_default="all cores", help="Threads.")] = None,
+    providers: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--provider",
+            help="What runs the networks: cuda, tensorrt, coreml, openvino, cpu ..., as far as onnxruntime "
+            "has it. May be given several times, in order.",
+            metavar="NAME",
+            show_default="cpu",
+        ),
+    ] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit status 1 also when one vehicle has no pose or is left out.")
     ] = False,
@@ -225,7 +235,8 @@ def estimate(
             seen_by = CameraChoice(calib, camera, fov_deg)
             found_by = BoxChoice(boxes, detector, detector_score)
             status = job.images(
-                source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
+                *(source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif),
+                providers=providers or None,
             )
         else:
             for_images = {
@@ -239,6 +250,7 @@ def estimate(
                 "no-pictures": None if pictures else True,
                 "classes": classes or None,
                 "no-exif": None if exif else True,
+                "provider": providers or None,
             }
             status = job.frames(source, for_images)
     raise typer.Exit(status)
@@ -289,6 +301,7 @@ class _Job:
         pictures: bool,
         classes: Mapping[str, str],
         exif: bool,
+        providers: list[str] | None,
     ) -> int:
         """Estimate images; returns the exit status."""
         from groundpose.cli.images import STYLE, ImageWork
@@ -301,6 +314,7 @@ class _Job:
             threads=self.threads,
             vehicle_threshold=vehicle_threshold,
             classes=classes,
+            providers=providers,
         )
         least = -math.inf if min_score is None else min_score
         work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif)

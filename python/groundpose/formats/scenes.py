@@ -95,14 +95,15 @@ class Scene:
             poses: of one image.
             id, image, time: of the frame.
             ids: N, of the objects; None: those of `VehiclePoses`, else 0 to N - 1.
-            classes: N names; None: those of the models.
+            classes: N names; None: those of `VehiclePoses`, else those of the models.
             scores: (N,) of the detector.
 
         Raises:
             InputError: another number of ids, classes or scores than of objects.
         """
         count = len(poses)
-        names = [model.name for model in poses.models] if classes is None else classes
+        said = getattr(poses, "classes", [model.name for model in poses.models])
+        names = [str(name) for name in (said if classes is None else classes)]
         given = getattr(poses, "ids", range(count)) if ids is None else ids
         values = np.full(count, np.nan) if scores is None else np.asarray(scores, dtype=float).reshape(-1)
         for argument, column in (("ids", given), ("classes", names), ("scores", values)):

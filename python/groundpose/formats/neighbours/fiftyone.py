@@ -35,7 +35,7 @@ def write_fiftyone(scenes: Iterable[Scene], path: Path, context: Context) -> Non
         raise input_error(str(path), "a folder that is not there yet, for the data set", "one that is there")
     part = path.with_name(f".{path.name}.part")
     shutil.rmtree(part, ignore_errors=True)
-    data = fo.Dataset()
+    data = _data_set(fo)
     try:
         data.add_samples([sample(fo, scene, context) for scene in scenes])
         with naming(path, part):
@@ -47,6 +47,15 @@ def write_fiftyone(scenes: Iterable[Scene], path: Path, context: Context) -> Non
         data.delete()
         with suppress(OSError):
             shutil.rmtree(part)
+
+
+def _data_set(fo: Any) -> Any:
+    """A new one. Raises InputError where FiftyOne has no database to put it into."""
+    try:
+        return fo.Dataset()
+    except Exception as error:  # its own class for each of half a dozen ways in which MongoDB does not start
+        said = " ".join((str(error) or type(error).__name__).split())
+        raise input_error("fiftyone", "FiftyOne's database to start", said) from None
 
 
 def sample(fo: Any, scene: Scene, context: Context) -> Any:
