@@ -41,9 +41,9 @@ def estimate(
         Path,
         typer.Argument(
             metavar="INPUT",
-            help="An image, a folder of images, a pattern ('frame_%06d.png', 'frame_*.png') or a video, with "
-            "[bold]--boxes[/bold] or [bold]--detector[/bold]; or frames with keypoints: one (.json), JSON "
-            "lines (.jsonl), or - for standard input.",
+            help="An image, a folder of images, a pattern ('frame_%06d.png', 'frame_*.png'), a video or a "
+            "recording (.mcap, a bag of ROS), with [bold]--boxes[/bold] or [bold]--detector[/bold]; or "
+            "frames with keypoints: one (.json), JSON lines (.jsonl), or - for standard input.",
         ),
     ],
     boxes: Annotated[
@@ -83,6 +83,9 @@ def estimate(
         bool,
         typer.Option(help="Whether pictures are turned as their EXIF data asks.", show_default=False),
     ] = True,
+    topic: Annotated[
+        str | None, typer.Option(help="Of a recording's images, when it has several.", metavar="NAME")
+    ] = None,
     calib: Annotated[
         Path | None,
         typer.Option(
@@ -237,6 +240,7 @@ def estimate(
             status = job.images(
                 *(source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif),
                 providers=providers or None,
+                topic=topic,
             )
         else:
             for_images = {
@@ -251,6 +255,7 @@ def estimate(
                 "classes": classes or None,
                 "no-exif": None if exif else True,
                 "provider": providers or None,
+                "topic": topic,
             }
             status = job.frames(source, for_images)
     raise typer.Exit(status)
@@ -302,6 +307,7 @@ class _Job:
         classes: Mapping[str, str],
         exif: bool,
         providers: list[str] | None,
+        topic: str | None,
     ) -> int:
         """Estimate images; returns the exit status."""
         from groundpose.cli.images import STYLE, ImageWork
@@ -317,7 +323,7 @@ class _Job:
             providers=providers,
         )
         least = -math.inf if min_score is None else min_score
-        work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif)
+        work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif, topic)
         form = chosen_format(self.form, self.out, images=True)
         where = Destination.of_images(self.out, form, work.several)
         drawn = self._pictures(work.several, where.pictures if pictures else None)

@@ -1,5 +1,5 @@
-"""Images and cameras of recordings: bags of ROS 1 and ROS 2 (package rosbags, extra `ros`), and MCAP files with
-messages of ROS 2 (the same) or of Foxglove (packages mcap and mcap-protobuf-support, extra `mcap`).
+"""Images and cameras of recordings: bags of ROS 1 and ROS 2 (package rosbags, extra `ros`), MCAP files with
+messages of ROS 2 (that too) or of Foxglove (packages mcap and mcap-protobuf-support, extra `mcap`).
 
 Images are sensor_msgs/Image and CompressedImage, foxglove.RawImage and CompressedImage; cameras
 sensor_msgs/CameraInfo and foxglove.CameraCalibration.
@@ -70,7 +70,7 @@ def read_recording(
             with images and none is named, or none of this name, an unusable camera.
     """
     file = existing(path)
-    source = _mcap(file) if file.suffix.lower() == ".mcap" else _Bag(file)
+    source: _Source = _mcap(file) if file.suffix.lower() == ".mcap" else _Bag(file)
     return _images(source, file, topic)
 
 
@@ -180,7 +180,7 @@ class _Bag:
         self._rosbags = extra_package("rosbags.highlevel", "rosbags", "ros")
         self._path = path
         with self._open() as bag:
-            self.topics = {c.topic: c.msgtype for c in bag.connections}
+            self.topics: Mapping[str, str] = {c.topic: c.msgtype for c in bag.connections}
 
     def _open(self) -> Any:
         typesys = extra_package("rosbags.typesys", "rosbags", "ros")
