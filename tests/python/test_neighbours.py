@@ -4,9 +4,11 @@ import dataclasses
 import io
 import json
 import math
+import re
 import types
 import xml.etree.ElementTree as ET
 from contextlib import redirect_stdout
+from pathlib import Path
 
 import groundpose as gp
 import numpy as np
@@ -28,6 +30,7 @@ from groundpose.formats.neighbours.label_studio import CONFIG, clipped
 from groundpose.formats.neighbours.mcap import EDGES
 from groundpose.formats.neighbours.ros import AVAILABLE, SIGN_UNKNOWN, UNAVAILABLE, orientation_availability
 from groundpose.formats.scenes import Scene, read_scenes
+from groundpose.keypoints.network import bundled
 from groundpose.vehicles import shape_model
 from PIL import Image
 from typer.testing import CliRunner
@@ -535,3 +538,31 @@ def test_a_file_for_each_frame(lines):
     own("trimesh")
     assert run("poses.jsonl", "{id}.glb").exit_code == 0
     assert sorted(p.name for p in lines.parent.glob("*.glb")) == ["a.glb", "b.glb"]
+
+
+# the page
+
+
+@pytest.mark.skipif(not bundled().exists(), reason="the bundled network is not there")
+def test_the_code_of_the_page_runs(tmp_path, monkeypatch):
+    page = Path(__file__).parents[2] / "docs" / "neighbours.md"
+    first, *others = re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(first, names)
+    assert len(json.loads(Path("street.coco.json").read_text())["annotations"]) == len(names["poses"])
+    own("supervision")
+    for code in others:
+        exec(code, names)
+    assert (names["drawn"] != names["street"].image).any()
+
+
+def test_the_page_has_every_format_and_extra():
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "neighbours.md").read_text("utf-8")
+    for row in NEIGHBOURS.values():
+        assert any(ending in page for ending in row.endings), row.name
+    project = (root / "pyproject.toml").read_text("utf-8")
+    for extra in ("mcap", "ros", "gltf", "supervision", "fiftyone"):
+        assert re.search(rf"^{extra} = \[", project, re.MULTILINE)
+        assert f"`{extra}`" in page
