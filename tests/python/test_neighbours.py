@@ -504,6 +504,28 @@ def test_a_bad_line_costs_only_itself(lines):
     assert len(json.loads((lines.parent / "a.coco.json").read_text())["images"]) == 2
 
 
+@pytest.mark.parametrize(
+    "out", ["a.coco.json", "a.xml", "a.label-studio.json", "a.mcap", "a.ros2", "{id}.glb"]
+)
+def test_a_frame_that_cannot_be_written_costs_only_itself(lines, out):
+    for name in {"a.mcap": ["foxglove"], "a.ros2": ["rosbags"], "{id}.glb": ["trimesh"]}.get(out, []):
+        own(name)
+    first, second = map(json.loads, lines.read_text().splitlines())
+    del first["camera"]["image_size"]  # which pictures' formats need
+    first["time"] = -1.0  # which recordings cannot hold
+    if out == "{id}.glb":
+        first["objects"] = []
+    lines.write_text(json.dumps(first) + "\n" + json.dumps(second) + "\n")
+    result = run("poses.jsonl", out)
+    assert (result.exit_code, result.stdout) == (1, f"1 frame, 6 poses: {out}\n"), result.stderr
+    assert "frame a: " in result.stderr
+    lines.write_text(json.dumps(first) + "\n")
+    result = run("poses.jsonl", f"none_{out}")
+    assert result.exit_code == 2
+    assert "expected frames, got none that can be written" in result.stderr
+    assert not list(lines.parent.glob("none_*"))
+
+
 def test_lines_of_before_cameras_were_written_are_refused(lines):
     lines.write_text(
         json.dumps({k: v for k, v in json.loads(lines.read_text().splitlines()[0]).items() if k != "camera"})

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from groundpose._checks import input_error
 from groundpose._core import InputError
 from groundpose.cli.destination import Inputs, Names
 from groundpose.cli.output import complain, mistakes, refuse, say, show
@@ -74,8 +75,8 @@ def convert(
     with mistakes():
         form = neighbour(out, to)
         Inputs(source).refuse(out)
-        context = Context(tables, frame_id, pictures)
         frames = _Frames(source)
+        context = Context(tables, frame_id, pictures, failed=frames.not_written)
         if form.one_frame:
             _each(frames, out, form, context)
         else:
@@ -99,10 +100,9 @@ def _each(frames: _Frames, out: Path, form: Neighbour, context: Context) -> None
     out.parent.mkdir(parents=True, exist_ok=True)
     for scene in chain(first, scenes):
         path = out.with_name(out.name.replace("{id}", names.of(scene.id)))
-        try:
+        with context.frame(scene):
             write_scenes(path, [scene], form.name, context)
-        except InputError as error:
-            frames.fail(error)
+    frames.refuse_none()
 
 
 class _Frames:
@@ -125,8 +125,18 @@ class _Frames:
             self.count += 1
             self.vehicles += len(scene.rows)
             yield scene
+        self.refuse_none()
+
+    def refuse_none(self) -> None:
+        """Raises InputError when no frame was written."""
         if not self.count:
-            raise InputError(f"{self.source}: expected frames, got none that is good")
+            raise input_error(str(self.source), "frames", "none that can be written")
+
+    def not_written(self, scene: Scene, error: InputError) -> None:
+        """One that could not be written."""
+        self.count -= 1
+        self.vehicles -= len(scene.rows)
+        self.fail(error)
 
     def fail(self, error: InputError) -> None:
         """One that is bad."""

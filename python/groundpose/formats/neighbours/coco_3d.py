@@ -31,8 +31,9 @@ def write_coco(scenes: Iterable[Scene], path: Path, context: Context) -> None:
     images: list[dict[str, Any]] = []
     rows: list[dict[str, Any]] = []
     for number, scene in enumerate(scenes, 1):
-        images.append(_image(scene, number))
-        rows += _annotations(scene, number, context)
+        with context.frame(scene):
+            images.append(_image(scene, number))
+            rows += _annotations(scene, number, context)
     names = tuple(row["category_name"] for row in rows)
     numbers = class_numbers(names)
     for k, row in enumerate(rows, 1):

@@ -33,7 +33,8 @@ def write_cvat(scenes: Iterable[Scene], path: Path, context: Context) -> None:
     labels = ET.SubElement(ET.SubElement(ET.SubElement(root, "meta"), "task"), "labels")
     named: list[str] = []
     for number, scene in enumerate(scenes):
-        named += _add_image(root, number, scene, context)
+        with context.frame(scene):
+            named += _add_image(root, number, scene, context)
     for name in class_numbers(tuple(named)):
         _add_label(labels, name)
     ET.indent(root)

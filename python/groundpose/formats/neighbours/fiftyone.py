@@ -37,7 +37,9 @@ def write_fiftyone(scenes: Iterable[Scene], path: Path, context: Context) -> Non
     shutil.rmtree(part, ignore_errors=True)
     data = _data_set(fo)
     try:
-        data.add_samples([sample(fo, scene, context) for scene in scenes])
+        for scene in scenes:
+            with context.frame(scene):
+                data.add_sample(sample(fo, scene, context))
         with naming(path, part):
             data.export(
                 export_dir=str(part), dataset_type=fo.types.FiftyOneDataset, export_media=context.pictures

@@ -38,7 +38,10 @@ FACES = {
 
 def write_label_studio(scenes: Iterable[Scene], path: Path, context: Context) -> None:
     """Write the tasks; see `groundpose.formats.neighbours.write_scenes`."""
-    tasks = [_task(scene, context) for scene in scenes]
+    tasks = []
+    for scene in scenes:
+        with context.frame(scene):
+            tasks.append(_task(scene, context))
     write_text(path, json.dumps(tasks, allow_nan=False) + "\n")
 
 

@@ -59,9 +59,10 @@ def write_mcap(scenes: Iterable[Scene], path: Path, context: Context) -> None:
                 for topic, name in _CHANNELS.items()
             }
             for number, scene in enumerate(scenes):
-                stamp = context.stamp(scene, number)
-                for topic, message in _Frame(messages, scene, stamp, context).messages().items():
-                    topics[topic].log(message, log_time=stamp)
+                with context.frame(scene):
+                    stamp = context.stamp(scene, number)
+                    for topic, message in _Frame(messages, scene, stamp, context).messages().items():
+                        topics[topic].log(message, log_time=stamp)
 
 
 class _Frame:

@@ -38,8 +38,9 @@ def write_nuscenes(scenes: Iterable[Scene], path: Path, context: Context) -> Non
     tables = Tables(context.tables)
     results: dict[str, list[dict[str, Any]]] = {}
     for scene in scenes:
-        sample, place = tables.place_of(scene)
-        results.setdefault(sample, []).extend(_boxes(scene, sample, place, context))
+        with context.frame(scene):
+            sample, place = tables.place_of(scene)
+            results.setdefault(sample, []).extend(_boxes(scene, sample, place, context))
     for sample, boxes in results.items():
         boxes.sort(key=lambda box: -float(box["detection_score"]))
         context.left_out[f"box beyond the {_MOST} of a sample"] += max(0, len(boxes) - _MOST)

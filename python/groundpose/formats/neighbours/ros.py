@@ -57,9 +57,10 @@ def write_ros(scenes: Iterable[Scene], path: Path, context: Context) -> None:
             with rosbag2.Writer(part, version=_BAG_VERSION) as bag:
                 topics = {t: bag.add_connection(t, kind, typestore=store) for t, kind in _TOPICS.items()}
                 for number, scene in enumerate(scenes):
-                    stamp = context.stamp(scene, number)
-                    for topic, message in _Frame(store, scene, stamp, context).messages().items():
-                        bag.write(topics[topic], stamp, store.serialize_cdr(message, _TOPICS[topic]))
+                    with context.frame(scene):
+                        stamp = context.stamp(scene, number)
+                        for topic, message in _Frame(store, scene, stamp, context).messages().items():
+                            bag.write(topics[topic], stamp, store.serialize_cdr(message, _TOPICS[topic]))
             _rename_parts(part, path)
             part.rename(path)
     finally:
