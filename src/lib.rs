@@ -70,7 +70,7 @@
 //!
 //! | feature | what it adds |
 //! |---|---|
-//! | `std` (default) | `workspace::GrowingWorkspace`, vector units chosen at run time |
+//! | `std` (default) | `workspace::GrowingWorkspace`, vector units chosen at run time, `track::tracker::Tracker` |
 //! | `rayon` (default) | `Estimator::estimate_batch`: many objects on many cores, the same bits for any number |
 //! | `synthetic` | `synthetic`: scenes with known truth |
 //! | `python` | the Python module; of no use from Rust |
@@ -92,6 +92,7 @@ mod simd;
 pub mod synthetic;
 #[cfg(all(test, feature = "std"))]
 mod tests;
+pub mod track;
 mod tuning;
 
 pub use error::{EstimateError, Got, InputError, NoPose};
@@ -125,3 +126,11 @@ pub use refine::region::region_radius2;
 pub use refine::schedule::{MAX_STAGES, Refinement, StageStatistics};
 pub use search::ransac::{RansacStatistics, StopReason};
 pub use search::score::Scoring;
+pub use track::facing::Facing;
+pub use track::filter::VehicleFilter;
+pub use track::model::TRACK_NUMBERS;
+pub use track::options::{CameraMotion, TrackOptions};
+pub use track::row::TrackRow;
+pub use track::sighting::{Reading, Sighting};
+#[cfg(feature = "std")]
+pub use track::tracker::Tracker;

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// The rooms from the ground to the roof, each with its files in the same order. A room without files is one file.
-const ROOMS: [(&str, &[&str]); 11] = [
+const ROOMS: [(&str, &[&str]); 12] = [
     ("error", &[]),
     ("tuning", &[]),
     ("geometry", &["math", "bbox", "footprint", "lens", "camera", "view", "pose", "local_view"]),
@@ -56,6 +56,22 @@ const ROOMS: [(&str, &[&str]); 11] = [
             "frame",
             "camera_state",
             "batch",
+        ],
+    ),
+    (
+        "track",
+        &[
+            "options",
+            "sighting",
+            "facing",
+            "size",
+            "model",
+            "row",
+            "filter",
+            "smooth",
+            "vehicle",
+            "associate",
+            "tracker",
         ],
     ),
     ("synthetic", &[]),

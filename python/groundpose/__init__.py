@@ -21,17 +21,27 @@ from groundpose.options import Options
 from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
 from groundpose.sizes import ClassSize, SizePrior
+from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
 from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
+    from groundpose.camera_profile import CameraProfile
     from groundpose.detector.detector import Detector
     from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+    from groundpose.self_calibration.calibrate import Calibration, calibrate
+    from groundpose.self_calibration.plane import Known
+    from groundpose.self_calibration.sightings import Sightings
 
 __version__: str = build_info()["version"]
 
 # What needs onnxruntime and the vehicles' models is imported when it is first asked for.
 _LAZY = {
+    "Calibration": "groundpose.self_calibration.calibrate",
+    "CameraProfile": "groundpose.camera_profile",
+    "Known": "groundpose.self_calibration.plane",
+    "Sightings": "groundpose.self_calibration.sightings",
+    "calibrate": "groundpose.self_calibration.calibrate",
     "Detector": "groundpose.detector.detector",
     "Network": "groundpose.keypoints.network",
     "Pipeline": "groundpose.keypoints.pipeline",
@@ -40,24 +50,33 @@ _LAZY = {
 
 __all__ = [
     "Alternatives",
+    "Calibration",
     "Camera",
+    "CameraProfile",
     "CameraState",
     "ClassSize",
     "Detector",
     "EstimatedView",
     "FramePriors",
     "InputError",
+    "Known",
     "Network",
     "Options",
     "Pipeline",
     "Pose",
     "PoseBatch",
+    "SeenVehicles",
     "ShapeModel",
+    "Sightings",
     "SizePrior",
+    "TrackOptions",
+    "Tracker",
+    "Tracks",
     "VehiclePoses",
     "View",
     "__version__",
     "build_info",
+    "calibrate",
     "estimate_poses",
     "region_radius2",
 ]

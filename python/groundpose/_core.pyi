@@ -148,6 +148,25 @@ def camera_state(
     carried: tuple[_Floats, _Floats] | None = None,
     another_drive: bool = True,
 ) -> dict[str, Any]: ...
+def default_track_options() -> dict[str, Any]: ...
+
+class Tracker:
+    def __init__(self, given: dict[str, Any]) -> None: ...
+    def update(
+        self,
+        time: float,
+        ego_motion: tuple[float, ...] | None,
+        view: View,
+        poses: tuple[_Floats, _Floats, _Floats],
+        others: tuple[_Floats, _Floats, _Floats],
+        bottom_centres: _Floats,
+        numbers: _Floats,
+        classes: list[int],
+        error_dof: float,
+    ) -> tuple[dict[str, Any], list[tuple[int, str]]]: ...
+    def finish(self) -> None: ...
+    def take_finished(self) -> dict[str, Any]: ...
+
 def solve_p1p(
     view: View,
     model: Model,

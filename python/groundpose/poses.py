@@ -20,6 +20,7 @@ from groundpose.types import View
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from typing_extensions import Self
 
 
 Text = TypeVar("Text")
@@ -28,12 +29,12 @@ Number = TypeVar("Number")
 Count = TypeVar("Count")
 
 
-def spec(*shape: int | str, written: bool = True) -> dict[str, Any]:
-    """Of a result field: its shape for one object, and whether `formats.records` writes it.
+def spec(*shape: int | str, written: bool = True, unit: str = "") -> dict[str, Any]:
+    """Of a result field: its shape for one object, whether `formats.records` writes it, and its unit.
 
     "P" and "M" are the numbers of an object's keypoints and modes. A batch is as wide as its largest model.
     """
-    return {"shape": shape, "written": written}
+    return {"shape": shape, "written": written, "unit": unit}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,24 +52,24 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     """Whether there is a pose."""
     R: FloatArray = field(metadata=spec(3, 3))
     """(3, 3) rotation of the pose `X_camera = R @ X_object + t`."""
-    t: FloatArray = field(metadata=spec(3))
+    t: FloatArray = field(metadata=spec(3, unit="m"))
     """(3,) metres, translation of the pose."""
-    yaw: Number = field(metadata=spec())
+    yaw: Number = field(metadata=spec(unit="rad"))
     """Radians about the ground's normal, 0 = facing away; KITTI's rotation_y + pi/2."""
-    keypoints_2d: FloatArray = field(metadata=spec("P", 2, written=False))
+    keypoints_2d: FloatArray = field(metadata=spec("P", 2, written=False, unit="px"))
     """(P, 2) pixels, a copy of what was given, NaN = not seen."""
     inlier_count: Count = field(metadata=spec())
     """Number of inliers."""
     inlier_mask: NDArray[np.bool_] = field(metadata=spec("P"))
     """(P,) which keypoints are inliers of the pose returned: `residuals <= inlier_threshold`."""
-    inlier_threshold: Number = field(metadata=spec())
+    inlier_threshold: Number = field(metadata=spec(unit="px"))
     """Pixels, the threshold used."""
-    residuals: FloatArray = field(metadata=spec("P"))
+    residuals: FloatArray = field(metadata=spec("P", unit="px"))
     """(P,) undistorted pixels between keypoint and projection, NaN = not seen; through a wide lens, pixels of
     the pinhole view that faces the object, which are those of the picture near its middle."""
-    reprojection_rmse: Number = field(metadata=spec())
+    reprojection_rmse: Number = field(metadata=spec(unit="px"))
     """Pixels, root mean square of the inliers' residuals."""
-    noise_sigma: Number = field(metadata=spec())
+    noise_sigma: Number = field(metadata=spec(unit="px"))
     """Pixels, estimated standard deviation of a coordinate of an inlier."""
     score: Number = field(metadata=spec())
     """Mean over the keypoints of `min(residual^2 / inlier_threshold^2, 1)`, weighed by their scores: 0 is
@@ -89,23 +90,23 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     `ambiguity`."""
     confidence: Number = field(metadata=spec())
     """Probability of having drawn a good sample."""
-    covariance: FloatArray = field(metadata=spec(6, 6))
+    covariance: FloatArray = field(metadata=spec(6, 6, unit="rad, m"))
     """(6, 6) of `[rotation vector (radians, perturbs R from the left), t (metres)]`."""
     alternative_R: FloatArray = field(metadata=spec(3, 3))
     """(3, 3) rotation of the best pose that faces another way; NaN where it is less probable than 2 %."""
-    alternative_t: FloatArray = field(metadata=spec(3))
+    alternative_t: FloatArray = field(metadata=spec(3, unit="m"))
     """(3,) metres, its translation."""
-    alternative_yaw: Number = field(metadata=spec())
+    alternative_yaw: Number = field(metadata=spec(unit="rad"))
     """Radians, its yaw."""
-    alternative_covariance: FloatArray = field(metadata=spec(6, 6, written=False))
+    alternative_covariance: FloatArray = field(metadata=spec(6, 6, written=False, unit="rad, m"))
     """(6, 6) its covariance."""
     alternative_probability: Number = field(metadata=spec())
     """Probability that it is right, and the answer is not."""
-    shape_coefficients: FloatArray = field(metadata=spec("M"))
+    shape_coefficients: FloatArray = field(metadata=spec("M", unit="m"))
     """(M,) coefficients of the model's modes."""
-    shape_covariance: FloatArray = field(metadata=spec("M", "M"))
+    shape_covariance: FloatArray = field(metadata=spec("M", "M", unit="m^2"))
     """(M, M) of the coefficients."""
-    shape_pose_covariance: FloatArray = field(metadata=spec("M", 6, written=False))
+    shape_pose_covariance: FloatArray = field(metadata=spec("M", 6, written=False, unit="m rad, m^2"))
     """(M, 6) of the coefficients with the pose."""
     solver: Text = field(metadata=spec())
     """The minimal solver that found the pose."""
@@ -211,19 +212,27 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     @property
     def size_sigma(self) -> FloatArray:
         """(N, 3) metres, standard deviations of `size`: of the shape, and with `frame` of the scale too."""
+        return self.size_and_sigma()[1]
+
+    def size_and_sigma(self) -> tuple[FloatArray, FloatArray]:
+        """`size` and `size_sigma`, in the time of one of them."""
         size, variance = self._sizes()
-        return np.asarray(size * np.sqrt(variance))
+        return size, np.asarray(size * np.sqrt(variance))
 
     def _sizes(self) -> tuple[FloatArray, FloatArray]:
         """Sizes (N, 3) and variances (N, 3) of their logarithms."""
         size, variance = np.full((2, len(self), 3), np.nan)
-        for k in np.flatnonzero(self.ok):
-            modes = self.models[k].modes
-            size[k], slopes = self.models[k].stretched_size(self.shape_coefficients[k])
-            own = self.shape_covariance[k, :modes, :modes]
-            variance[k] = ((own @ slopes) * slopes).sum(axis=0)
-            with_shape = self.scale_covariance[k, :modes] @ slopes
-            variance[k] += 2.0 * with_shape + self.scale_covariance[k, -1]
+        alike: dict[int, list[int]] = {}
+        for k in np.flatnonzero(self.ok).tolist():
+            alike.setdefault(id(self.models[k]), []).append(k)
+        for rows in alike.values():
+            model = self.models[rows[0]]
+            size[rows], slopes = model.stretched_sizes(self.shape_coefficients[rows])
+            for k, slope in zip(rows, slopes, strict=True):
+                own = self.shape_covariance[k, : model.modes, : model.modes]
+                variance[k] = ((own @ slope) * slope).sum(axis=0)
+                with_shape = self.scale_covariance[k, : model.modes] @ slope
+                variance[k] += 2.0 * with_shape + self.scale_covariance[k, -1]
         return size, np.maximum(variance, 0.0)
 
     @property
@@ -277,7 +286,7 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         return region_radius2(level, dimensions, self.error_dof)
 
     @classmethod
-    def _of(cls, values: dict[str, Any]) -> PoseBatch:
+    def _of(cls, values: dict[str, Any]) -> Self:
         """From all fields by name, in a sixth of the time that a frozen dataclass takes to set thirty."""
         made = object.__new__(cls)
         vars(made).update(values)
@@ -340,6 +349,48 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         from groundpose.formats.neighbours.supervision import to_supervision  # stands above this file
 
         return to_supervision(self)
+
+    def to_arrow(self, frame: str = "") -> Any:
+        """A `pyarrow.Table` with a row for each object: all fields, see `groundpose.formats.arrow_schema`.
+
+        Args:
+            frame: of the column `frame`.
+
+        Raises:
+            InputError: pyarrow is not installed (extra `parquet`).
+        """
+        from groundpose.formats.arrow_poses import to_arrow  # stands above this file
+
+        return to_arrow(self, frame)
+
+    def to_pandas(self, frame: str = "") -> Any:
+        """`to_arrow` as a `pandas.DataFrame`. Raises InputError when pyarrow or pandas is not installed."""
+        table = self.to_arrow(frame)
+        try:
+            return table.to_pandas()
+        except ModuleNotFoundError as error:
+            raise input_error(
+                "to_pandas", "pandas (pip install pandas)", f"no package {error.name}"
+            ) from None
+
+    def to_records(self, frame: str = "") -> list[dict[str, Any]]:
+        """`to_arrow` as plain Python: a dictionary for each object. Raises InputError without pyarrow."""
+        records: list[dict[str, Any]] = self.to_arrow(frame).to_pylist()
+        return records
+
+    @classmethod
+    def from_arrow(cls, table: Any) -> Self:
+        """The batch of what `to_arrow`, `to_pandas` or `to_records` gave, or of the rows of one frame of a
+        larger table, bit for bit. Ids of objects are texts, and `VehiclePoses` lose their seconds.
+
+        Raises:
+            InputError: a schema of another version, missing columns or values, rows of several frames, a
+                frame that could not be estimated; no row, and not the metadata of `to_arrow`.
+            TypeError: something else.
+        """
+        from groundpose.formats.arrow_poses import from_arrow  # stands above this file
+
+        return from_arrow(cls, table)
 
     def draw(
         self,

@@ -144,13 +144,24 @@ class ShapeModel(Value):
     def stretched_size(self, shape_coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Length, height and width (3,) of `stretched_bbox_3d`, metres, and the derivatives (M, 3) of their
         logarithms by the coefficients."""
-        low, high = self.stretched_bbox_3d(shape_coefficients)
-        points = self.keypoints(shape_coefficients[: self.modes]) if self.modes else self.keypoints_3d
-        axes = np.arange(3)
-        moved = self.basis[:, points.argmax(axis=0), axes] - self.basis[:, points.argmin(axis=0), axes]
-        extent_now = np.ptp(points, axis=0)
-        slopes = np.divide(moved, extent_now, out=np.zeros_like(moved), where=extent_now > 0.0)
-        return (high - low)[_LENGTH_HEIGHT_WIDTH], slopes[:, _LENGTH_HEIGHT_WIDTH]
+        sizes, slopes = self.stretched_sizes(shape_coefficients[None])
+        return sizes[0], slopes[0]
+
+    def stretched_sizes(self, shape_coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """`stretched_size` of n shapes with coefficients (n, M or more): (n, 3) and (n, M, 3)."""
+        count, axes = len(shape_coefficients), np.arange(3)
+        points = np.repeat(self.keypoints_3d[None], count, axis=0)
+        for coefficient, mode in zip(shape_coefficients.T, self.basis, strict=False):  # as `_deformed`
+            points += coefficient[:, None, None] * mode
+        before, now = np.ptp(self.keypoints_3d, axis=0), np.ptp(points, axis=1)
+        fixed, factor = self.bottom_centre, np.ones((count, 3))
+        if self.modes:
+            np.divide(now, before, out=factor, where=before > 0.0)
+        low, high = (fixed + factor * (corner - fixed) if self.modes else corner for corner in self.bbox_3d)
+        moved = self.basis[:, points.argmax(axis=1), axes] - self.basis[:, points.argmin(axis=1), axes]
+        slopes = np.divide(moved, now, out=np.zeros_like(moved), where=now > 0.0).transpose(1, 0, 2)
+        sizes = np.broadcast_to(high - low, (count, 3))
+        return sizes[:, _LENGTH_HEIGHT_WIDTH], slopes[:, :, _LENGTH_HEIGHT_WIDTH]
 
     @property
     def bottom_centre(self) -> FloatArray:

@@ -10,6 +10,7 @@ mod outputs;
 mod solvers;
 mod synthetic;
 mod threads;
+mod track;
 
 use pyo3::prelude::*;
 
@@ -63,6 +64,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(solvers::solve_p1p_height, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p3p, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_up2p, module)?)?;
+    module.add_class::<track::PyTracker>()?;
+    module.add_function(wrap_pyfunction!(track::default_track_options, module)?)?;
     module.add_function(wrap_pyfunction!(synthetic::synthetic_scenes, module)?)?;
     module.add_function(wrap_pyfunction!(build_info, module)?)?;
     module.add_function(wrap_pyfunction!(region_radius2, module)?)?;

@@ -5,4 +5,5 @@ mod fixture;
 mod jacobians;
 mod kernels;
 mod refinement;
+mod track;
 mod units;

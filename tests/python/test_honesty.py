@@ -138,7 +138,7 @@ def made_up(rng, count, factor=9.0, dof=6.0):
 
 
 def test_a_fit_finds_the_factor_and_its_regions_hold():
-    answers = made_up(np.random.default_rng(2), 3000)
+    answers = made_up(np.random.default_rng(2), 1500)
     found = fit.fit(answers, np.ones(len(answers), dtype=bool))
     assert 7.0 < found.error_factor < 13.0
     right = answers.only(answers.right)
@@ -151,7 +151,7 @@ def test_a_fit_finds_the_factor_and_its_regions_hold():
 
 
 def test_a_fit_finds_the_probability_and_keeps_right_answers():
-    answers = made_up(np.random.default_rng(3), 4000)
+    answers = made_up(np.random.default_rng(3), 2000)
     found = fit.fit(answers, np.ones(len(answers), dtype=bool))
     assert found.probability_coefficients is not None
     assert found.min_probability is not None

@@ -14,8 +14,9 @@ PACKAGE = Path(groundpose.__file__).parent
 ROOMS = (
     *("_core", "_checks", "_npz", "_writing", "_value", "lens", "calibration", "options", "types"),
     *("plausibility", "shape"),
-    *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road"),
-    *("draw", "formats", "estimate", "keypoints", "detector", "", "demo", "cli"),
+    *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road", "tracking"),
+    *("draw", "formats", "estimate", "camera_profile", "self_calibration"),
+    *("keypoints", "detector", "fleet", "", "demo", "cli"),
     *(
         "lab",
         "lab.data",
@@ -36,6 +37,7 @@ DOORS = {
     ("poses", "formats.kitti.results"): "PoseBatch.to_kitti: a result writes itself in the usual format",
     ("types", "formats.calibrations"): "Camera.from_file: a camera reads itself from any format",
     ("poses", "draw"): "PoseBatch.draw: a result shows itself",
+    ("poses", "formats.arrow_poses"): "PoseBatch.to_arrow: a result is a table of Arrow",
     (
         "poses",
         "formats.neighbours.supervision",

@@ -12,13 +12,14 @@ from typing import Annotated
 
 import typer
 
-from groundpose._checks import blamed, radians
+from groundpose._checks import blamed, input_error, radians
 from groundpose._core import InputError
+from groundpose.camera_profile import CameraProfile
 from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.destination import FORMATS, Destination, Inputs, chosen_format
-from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.inputs import NetworkFile, is_image, is_table, stamps
 from groundpose.cli.journal import Settings
 from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.options import takes_options
@@ -43,7 +44,8 @@ def estimate(
             metavar="INPUT",
             help="An image, a folder of images, a pattern ('frame_%06d.png', 'frame_*.png'), a video or a "
             "recording (.mcap, a bag of ROS), with [bold]--boxes[/bold] or [bold]--detector[/bold]; or "
-            "frames with keypoints: one (.json), JSON lines (.jsonl), or - for standard input.",
+            "frames with keypoints: one (.json), JSON lines (.jsonl), or - for standard input; or frames in "
+            "Parquet files: one, or a folder.",
         ),
     ],
     boxes: Annotated[
@@ -159,6 +161,15 @@ def estimate(
             show_default="every vehicle alone",
         ),
     ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(
+            help="Camera profile of [bold]groundpose calibrate[/bold]: camera, tilt and height of all "
+            "frames, with standard deviations; instead of [bold]--calib[/bold].",
+            metavar="FILE",
+            show_default="none",
+        ),
+    ] = None,
     learn_camera: Annotated[
         Path | None,
         typer.Option(
@@ -223,19 +234,39 @@ def estimate(
 
       zcat drive.jsonl.gz | groundpose estimate - --format kitti -o results/
     """
+    tables = stamps(source) if is_table(source) else None
     said = asked(locals())
     with mistakes():
         form = form or ("table" if out is None and standard_output().isatty() else "")
         pitch, roll = _radians("--pitch-deg", pitch_deg, 90.0), _radians("--roll-deg", roll_deg, 180.0)
         sigma = _radians("--frame-tilt-sigma-deg", frame_tilt_sigma_deg, 360.0)
-        frame = _frame(height, region, learn_camera)
+        if sigma is not None and sigma <= 0.0:
+            raise input_error("frame_tilt_sigma", "a positive number of degrees", f"{frame_tilt_sigma_deg:g}")
+        told = (calib, fov_deg, pitch_deg, roll_deg, height)
+        known = None if profile is None else _profile(profile, *told)
+        frame = _frame(height, region, learn_camera) if known is None else _known_frame(known, region)
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
-        mounting = Mounting(pitch, roll, height, sigma, frame, learned)
-        read = Inputs(source, tuple(path for path in (boxes, detector, calib, network, learn_camera) if path))
+        mounting = Mounting(pitch, roll, height, sigma, frame, learned, None if known is None else known.view)
+        files = (boxes, detector, calib, profile, network, learn_camera)
+        read = Inputs(source, tuple(path for path in files if path))
         job = _Job(options, threads, mounting, out, form, draw, strict, read, said)
-        meant = _meant(classes or [])
-        if boxes is not None or detector is not None or is_image(source):
-            seen_by = CameraChoice(calib, camera, fov_deg)
+        meant = named_classes(classes or [])
+        for_files = {
+            "boxes": boxes,
+            "calib": calib,
+            "camera": camera,
+            "fov-deg": fov_deg,
+            "min-score": min_score,
+            "no-pictures": None if pictures else True,
+            "no-exif": None if exif else True,
+            "provider": providers or None,
+            "topic": topic,
+        }
+        if tables is not None:
+            frames = (network, detector, detector_score, vehicle_threshold, meant)
+            status = job.tables(source, for_files, *frames)
+        elif boxes is not None or detector is not None or is_image(source):
+            seen_by = CameraChoice(calib if profile is None else profile, camera, fov_deg)
             found_by = BoxChoice(boxes, detector, detector_score)
             status = job.images(
                 *(source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif),
@@ -243,22 +274,28 @@ def estimate(
                 topic=topic,
             )
         else:
-            for_images = {
+            for_images = for_files | {
                 "detector-score": detector_score,
-                "calib": calib,
-                "camera": camera,
-                "fov-deg": fov_deg,
                 "network": network,
-                "min-score": min_score,
                 "vehicle-threshold": vehicle_threshold,
-                "no-pictures": None if pictures else True,
                 "classes": classes or None,
-                "no-exif": None if exif else True,
-                "provider": providers or None,
-                "topic": topic,
             }
             status = job.frames(source, for_images)
     raise typer.Exit(status)
+
+
+def _profile(path: Path, *instead: object) -> CameraProfile:
+    """The profile of a file, which says all of the camera."""
+    if any(value is not None for value in instead):
+        options = "--calib, --fov-deg, --pitch-deg, --roll-deg and --height"
+        refuse(f"--profile: says camera, tilt and height; leave out {options}")
+    return CameraProfile.load(path)
+
+
+def _known_frame(profile: CameraProfile, region: str | None) -> FramePriors:
+    """What a profile says of each frame; the sizes of a region instead of those that it learned."""
+    priors = profile.priors()
+    return priors if region is None else replace(priors, size=SizePrior.region(region))
 
 
 def _frame(height: float | None, region: str | None, learn_camera: Path | None) -> FramePriors | None:
@@ -272,7 +309,7 @@ def _radians(option: str, degrees: float | None, limit: float) -> float | None:
     return None if degrees is None else radians(option, degrees, limit)
 
 
-def _meant(classes: list[str]) -> dict[str, str]:
+def named_classes(classes: list[str]) -> dict[str, str]:
     """`NAME=CLASS` as names and classes."""
     for text in classes:
         if "=" not in text:
@@ -329,11 +366,41 @@ class _Job:
         drawn = self._pictures(work.several, where.pictures if pictures else None)
         return run(work, Output(where, form, self.inputs, STYLE, self.settings), drawn, self.strict)
 
+    def tables(
+        self,
+        source: Path,
+        for_files: Mapping[str, object],
+        network: Path | None,
+        detector: Path | None,
+        detector_score: float | None,
+        vehicle_threshold: float | None,
+        classes: Mapping[str, str],
+    ) -> int:
+        """Estimate the frames of Parquet files; returns the exit status."""
+        from groundpose.cli.tables import TableWork, style
+        from groundpose.fleet.worker import EstimateFrames  # with the network and the vehicles' models
+
+        _refuse_all(for_files, "is for images in files; tables have it in their rows")
+        estimate = EstimateFrames(
+            network=None if network is None else str(network),
+            detector=None if detector is None else str(detector),
+            detector_score=detector_score,
+            options=self.options,
+            threads=self.threads,
+            vehicle_threshold=vehicle_threshold,
+            classes=classes,
+            folder=str(source if source.is_dir() else source.parent),
+        )
+        work = TableWork(source, estimate, self.mounting)
+        form = chosen_format(self.form, self.out, images=False)
+        where = Destination.of_frames(self.out, form, several=True)
+        written = style(self.mounting.frame_sigma is not None)
+        output = Output(where, form, self.inputs, written, self.settings)
+        return run(work, output, self._pictures(several=True), self.strict)
+
     def frames(self, source: Path, for_images: Mapping[str, object]) -> int:
         """Estimate frames that have keypoints; returns the exit status."""
-        for name, value in for_images.items():
-            if value is not None:
-                refuse(f"--{name}: is for images, which are given with --boxes or --detector")
+        _refuse_all(for_images, "is for images, which are given with --boxes or --detector")
         with _open(source) as frames:
             work = _FrameWork(frames, self.options, self.threads, self.mounting)
             form = chosen_format(self.form, self.out, images=False)
@@ -345,6 +412,12 @@ class _Job:
     def _pictures(self, several: bool, instead: Path | None = None) -> Pictures | None:
         path = self.draw or instead
         return None if path is None else Pictures(path, several, self.inputs)
+
+
+def _refuse_all(given: Mapping[str, object], why: str) -> None:
+    for name, value in given.items():
+        if value is not None:
+            refuse(f"--{name}: {why}")
 
 
 @dataclass

@@ -22,6 +22,7 @@ from groundpose.cli.evaluate_lab import (
     shapes,
     silent,
     targets,
+    tracks,
 )
 from groundpose.cli.evaluate_sets import apollo, bar, speed, tilt
 from groundpose.cli.inputs import NetworkFile
@@ -281,6 +282,7 @@ def figure6(
 
 
 for command in (
+    tracks,
     apollo,
     tilt,
     speed,

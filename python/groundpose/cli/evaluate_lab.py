@@ -159,15 +159,21 @@ def detector(data: Data = None) -> None:
 def distance(
     data: Data = None,
     network: NetworkFile = None,
+    crops: Annotated[Path | None, typer.Option(help="Folder of crops whose renders are used.")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="JSON file of the numbers.")] = Path(
         "results/distance.json"
     ),
 ) -> None:
     """What region, height of the camera and more frames are worth for distances, for docs/distance.md.
 
+    Renders of cameras above a road are those in `CROPS/evaluated` (extra
+    train); without a folder they are left out.
+
     [bold]Examples[/bold]
 
       groundpose evaluate distance --data data
+
+      groundpose evaluate distance --data data --crops data/held_out
     """
     from groundpose.cli.evaluate_sets import bar
     from groundpose.lab.data import data_folder
@@ -176,11 +182,43 @@ def distance(
 
     with mistakes():
         with bar("settings") as advance:
-            content = distance.run(data_folder(data), None if network is None else str(network), advance)
+            path = None if network is None else str(network)
+            content = distance.run(data_folder(data), path, crops, advance)
         write_json(out, content)
         show(f"Numbers: {out.resolve()}")
         if out == distance.JSON:
             show(f"Page: {distance.write_page(content, distance.PAGE).resolve()}")
+
+
+def tracks(
+    data: Data = None,
+    video: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder of groundpose simulate --video; repeat for more.", metavar="FOLDER"),
+    ] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="JSON file of the numbers.")] = Path(
+        "results/tracks.json"
+    ),
+) -> None:
+    """How well vehicles are followed over time, beside others, for docs/tracks.md (extra tracks).
+
+    [bold]Examples[/bold]
+
+      groundpose simulate --video --static --camera-height 8 --pitch-deg -20 --frames 300 --out mast --split
+      test
+
+      groundpose evaluate tracks --data data --video mast
+    """
+    from groundpose.lab.data import data_folder
+    from groundpose.lab.evaluate.report import write_json
+    from groundpose.lab.evaluate.tracks import measure, page
+
+    with mistakes():
+        content = measure.run(data_folder(data), video or [], show)
+        write_json(out, content)
+        show(f"Numbers: {out.resolve()}")
+        if out == measure.JSON:
+            show(f"Page: {page.write_page(content, page.PAGE).resolve()}")
 
 
 def pages() -> None:
@@ -192,6 +230,7 @@ def pages() -> None:
     from groundpose.lab.evaluate.kitti import distance as distance_page
     from groundpose.lab.evaluate.networks import page as network_page
     from groundpose.lab.evaluate.simulated import page as simulated
+    from groundpose.lab.evaluate.tracks import page as tracks_page
 
     with mistakes():
         root = Path()
@@ -199,6 +238,7 @@ def pages() -> None:
         written += [network_page.write_stored(root), simulated.write_stored(root)]
         written += [experiments.write_stored(root), distance_page.write_stored(root)]
         written += [honesty_page.write_stored(root), silent.write_stored(root)]
+        written += [tracks_page.write_stored(root)]
         for path in filter(None, written):
             show(f"Page: {path.resolve()}")
 

@@ -186,3 +186,18 @@ def frame_companion(folder: Path, video_name: str, number: int) -> Path | None:
         path = folder / f"{theirs}{number + 1}.txt"
         return path if path.is_file() else None
     return companion(folder, f"{number:06d}")
+
+
+def is_table(path: Path) -> bool:
+    """Whether it is a Parquet file, or a folder of them or of partitions."""
+    if path.is_dir():
+        return next(path.rglob("*.parquet"), None) is not None
+    return path.suffix.lower() == ".parquet"
+
+
+def stamps(path: Path) -> list[str]:
+    """Changes with the name, the size or the time of a file of a folder of tables."""
+    if not path.is_dir():
+        return []
+    found = [(file, file.stat()) for file in sorted(path.rglob("*.parquet"))]
+    return [f"{file} {stat.st_size} {stat.st_mtime_ns}" for file, stat in found]

@@ -10,14 +10,17 @@ import typer
 
 import groundpose
 from groundpose.cli.bench import bench
+from groundpose.cli.calibrate import calibrate
 from groundpose.cli.convert import convert
 from groundpose.cli.crops import crops
 from groundpose.cli.estimate import estimate
 from groundpose.cli.evaluate import app as evaluate
 from groundpose.cli.experiment import experiment
+from groundpose.cli.fleet import app as fleet
 from groundpose.cli.inputs import NetworkFile
 from groundpose.cli.output import console, mistakes, on_any_terminal, show
 from groundpose.cli.simulate import simulate
+from groundpose.cli.track import track
 from groundpose.cli.train import export, train
 
 # Options whose former spelling still works, without a place in the help.
@@ -36,9 +39,12 @@ app = typer.Typer(
 )
 app.command(rich_help_panel="Commands")(estimate)
 app.command()(convert)
+app.command()(calibrate)
+app.command()(track)
 app.command()(simulate)
 app.command()(experiment)
 app.add_typer(evaluate, name="evaluate")
+app.add_typer(fleet, name="fleet")
 for command in (crops, train, export, bench):
     app.command()(command)
 

@@ -142,8 +142,9 @@ class Detector:
             vehicles get the status "not_a_vehicle".
 
         Raises:
-            OSError: no such file. InputError: no picture, or an answer that cannot be read. TypeError: an
-            argument of another type.
+            OSError: no such file.
+            InputError: no picture, or an answer that cannot be read.
+            TypeError: an argument of another type.
         """
         pixels: ByteArray = as_rgb(image)
         picture, placed = self._layout.family.preparation.prepared(pixels, self.size)

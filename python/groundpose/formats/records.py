@@ -96,7 +96,8 @@ def _on_road(poses: PoseBatch) -> list[dict[str, Any]]:
 def _plain(value: Any) -> Any:
     """Arrays as lists and numbers that JSON cannot hold as None."""
     if isinstance(value, np.ndarray):
-        return [_plain(x) for x in value.tolist()] if value.ndim else value.item()
+        all_there = value.dtype.kind != "f" or np.isfinite(value).all()
+        return value.tolist() if all_there else _plain(value.tolist())
     if isinstance(value, list):
         return [_plain(x) for x in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

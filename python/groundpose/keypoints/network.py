@@ -124,12 +124,10 @@ class Network:
     def _certainty(self) -> Certainty:
         """That of the file. Raises InputError where the options of the solver would not take it."""
         stored = self._file.json(CERTAINTY) if CERTAINTY in self.metadata else {}
-        if not isinstance(stored, dict):
-            self._file.fail("numbers of `Certainty`", f"a {type(stored).__name__}", f"metadata {CERTAINTY!r}")
         try:
             certainty = Certainty.of(stored)
             certainty.applied(Options())
-        except (InputError, AttributeError, TypeError, ValueError) as error:
+        except (InputError, TypeError, ValueError, AttributeError) as error:
             self._file.fail("numbers of `Certainty`", error, f"metadata {CERTAINTY!r}")
         return certainty
 

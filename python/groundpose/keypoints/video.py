@@ -43,8 +43,8 @@ def video_frames(path: str | PathLike[str], exif: bool = True) -> Iterator[Video
         exif: whether frames are turned as the file asks, as players do; see `as_rgb`.
 
     Raises:
-        OSError: no such file. InputError: no video, PyAV is not installed, frames of more than
-        `PIL.Image.MAX_IMAGE_PIXELS`.
+        OSError: no such file.
+        InputError: no video, PyAV is not installed, frames of more than `PIL.Image.MAX_IMAGE_PIXELS`.
     """
     file = regular_file(path)
     file.open("rb").close()  # OSError in Python's own words

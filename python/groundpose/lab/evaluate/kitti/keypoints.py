@@ -116,12 +116,7 @@ class Simulated:
     ) -> Found | None:
         """See `KeypointSource`."""
         key = zlib.crc32(f"{self.seed}/{frame.id}".encode())
-        nobody = shape_model(CLASSES[0]).keypoints_3d
-        bodies = [nobody if label is None else _body(label, (key, k)) for k, label in enumerate(labels)]
-        points, states = self._seen(frame, bodies, labels)
-        solid = np.full((len(bodies), WIDTH, 3), np.nan)
-        for row, body in zip(solid, bodies, strict=True):
-            row[: len(body)] = body
+        points, states, solid = seen_of(frame, labels, [(key, k) for k in range(len(labels))])
         seen = Seen(points, states, solid, bboxes)
         pixels, scores = Detector("CNN", self.quality)(seen, key)
         classes = [CLASSES[0] if label is None else CLASS_OF[label.type] for label in labels]
@@ -142,33 +137,48 @@ class Simulated:
         names = sized.keypoint_names
         return gp.ShapeModel(sized.keypoints_3d, sized.bbox_3d, keypoint_names=names, name=sized.name)
 
-    def _seen(
-        self, frame: KittiFrame, bodies: Sequence[FloatArray], labels: Sequence[KittiLabel | None]
-    ) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        """Exact pixels (N, P, 2) and states (N, P)."""
-        pixels = np.full((len(bodies), WIDTH, 2), np.nan)
-        states = np.full((len(bodies), WIDTH), OUTSIDE)
-        width, height = frame.image_size
-        K, offset = frame.camera.K, frame.camera_from_labels
-        others = np.array([(*x.bbox, x.location[2]) for x in frame.labels if x.type != DONT_CARE])
-        for k, (body, label) in enumerate(zip(bodies, labels, strict=True)):
-            if label is None:
-                continue
-            R, t = R_from_rotation_y(label.rotation_y), label.location + offset
-            points = body @ R.T + t
-            if (points[:, 2] <= 0.1).any():
-                continue  # a vehicle beside the camera: no detector sees its keypoints
-            at = (points @ K.T)[:, :2] / points[:, 2:]
-            inside = ((at >= 0.0) & (at <= [width - 1.0, height - 1.0])).all(axis=1)
-            before = others[others[:, 4] < label.location[2] - 0.5]
-            hidden = ((at[:, None] > before[:, :2]) & (at[:, None] < before[:, 2:4])).all(axis=2).any(axis=1)
-            shown = _faces_camera(CLASS_OF[label.type], body, -R.T @ t) & ~hidden
-            pixels[k, : len(body)] = at
-            states[k, : len(body)] = np.where(inside, np.where(shown, VISIBLE, HIDDEN), OUTSIDE)
-        return pixels, states
+
+def seen_of(
+    frame: KittiFrame, labels: Sequence[KittiLabel | None], keys: Sequence[tuple[int, ...]]
+) -> tuple[FloatArray, npt.NDArray[np.int64], FloatArray]:
+    """Exact pixels (N, P, 2), states (N, P) and bodies (N, P, 3) of labelled vehicles; equal keys, equal
+    shapes."""
+    nobody = shape_model(CLASSES[0]).keypoints_3d
+    bodies = [nobody if label is None else _body(label, key) for label, key in zip(labels, keys, strict=True)]
+    points, states = _exact(frame, bodies, labels)
+    solid = np.full((len(bodies), WIDTH, 3), np.nan)
+    for row, body in zip(solid, bodies, strict=True):
+        row[: len(body)] = body
+    return points, states, solid
 
 
-def _body(label: KittiLabel, key: tuple[int, int]) -> FloatArray:
+def _exact(
+    frame: KittiFrame, bodies: Sequence[FloatArray], labels: Sequence[KittiLabel | None]
+) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Exact pixels (N, P, 2) and states (N, P)."""
+    pixels = np.full((len(bodies), WIDTH, 2), np.nan)
+    states = np.full((len(bodies), WIDTH), OUTSIDE)
+    width, height = frame.image_size
+    K, offset = frame.camera.K, frame.camera_from_labels
+    others = np.array([(*x.bbox, x.location[2]) for x in frame.labels if x.type != DONT_CARE])
+    for k, (body, label) in enumerate(zip(bodies, labels, strict=True)):
+        if label is None:
+            continue
+        R, t = R_from_rotation_y(label.rotation_y), label.location + offset
+        points = body @ R.T + t
+        if (points[:, 2] <= 0.1).any():
+            continue  # a vehicle beside the camera: no detector sees its keypoints
+        at = (points @ K.T)[:, :2] / points[:, 2:]
+        inside = ((at >= 0.0) & (at <= [width - 1.0, height - 1.0])).all(axis=1)
+        before = others[others[:, 4] < label.location[2] - 0.5]
+        hidden = ((at[:, None] > before[:, :2]) & (at[:, None] < before[:, 2:4])).all(axis=2).any(axis=1)
+        shown = _faces_camera(CLASS_OF[label.type], body, -R.T @ t) & ~hidden
+        pixels[k, : len(body)] = at
+        states[k, : len(body)] = np.where(inside, np.where(shown, VISIBLE, HIDDEN), OUTSIDE)
+    return pixels, states
+
+
+def _body(label: KittiLabel, key: tuple[int, ...]) -> FloatArray:
     """Keypoints (P, 3) of a random body with the labelled size, origin at its bottom centre."""
     model = shape_model(CLASS_OF[label.type])
     normal = np.random.default_rng(key).standard_normal(model.modes)

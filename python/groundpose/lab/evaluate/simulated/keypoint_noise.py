@@ -121,7 +121,10 @@ class Detector:
 
         Object k's depend on `seed`, k and P only.
         """
-        draw = _Draws.of(seen, seed)
+        return self.answer(seen, Draws.of(seen, seed))
+
+    def answer(self, seen: Seen, draw: Draws) -> tuple[Array, Array]:
+        """The same from random numbers that are given."""
         own = np.isfinite(seen.keypoints_3d[..., 0])
         confused = np.where(draw.confused[:, :1] < CONFUSED_SHARE * self.quality, 1, 0)
         band = _pick(draw.band, self._bands()[confused, seen.state])
@@ -150,7 +153,7 @@ class Detector:
 
 
 @dataclass(frozen=True)
-class _Draws:
+class Draws:
     """Random numbers of N objects, one stream each: those of object k do not depend on how many follow."""
 
     confused: Array
@@ -166,7 +169,8 @@ class _Draws:
     """(N, P, 2) px, in the box"""
 
     @classmethod
-    def of(cls, seen: Seen, seed: int) -> _Draws:
+    def of(cls, seen: Seen, seed: int) -> Draws:
+        """Those of N objects with P keypoints."""
         children = np.random.SeedSequence((seed, STREAM)).spawn(8)
         streams = [np.random.Generator(np.random.PCG64(child)) for child in children]
         shape, corner = seen.state.shape, seen.bboxes[:, None, :2]
@@ -194,9 +198,7 @@ def _places(seen: Seen, kind: npt.NDArray[np.int64]) -> Array:
     return np.take_along_axis(seen.keypoints_2d, index[..., None], axis=1)
 
 
-def _on_another(
-    at: Array, chosen: npt.NDArray[np.bool_], found: npt.NDArray[np.bool_], draw: _Draws
-) -> Array:
+def _on_another(at: Array, chosen: npt.NDArray[np.bool_], found: npt.NDArray[np.bool_], draw: Draws) -> Array:
     """Puts the chosen keypoints on one that was found, each its own draw; anywhere when none was."""
     usable = found & ~chosen
     count = usable.sum(axis=1, keepdims=True)

@@ -1,0 +1,130 @@
+"""Tracks as text: a table (CSV), JSON lines, KITTI's tracking format.
+
+The plane is that of the first frame, metres right (`x`) and forward (`z`) of the camera as it stood then;
+angles in degrees from forward to the right. `right` and `ahead` are the same of the camera now. `_sigma` is a
+standard deviation.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from groundpose.formats.kitti.labels import TYPE_OF
+from groundpose.tracking.tracks import Tracks
+from groundpose.types import View
+
+COLUMNS = (
+    *(
+        "id",
+        "class",
+        "frame",
+        "time",
+        "object",
+        "x",
+        "z",
+        "x_sigma",
+        "z_sigma",
+        "heading_deg",
+        "heading_sigma_deg",
+    ),
+    *("facing_probability", "speed_kmh", "speed_sigma_kmh", "yaw_rate_deg", "yaw_rate_sigma_deg"),
+    *("acceleration", "acceleration_sigma", "length", "height", "width"),
+    *("length_sigma", "height_sigma", "width_sigma", "standing", "right", "ahead"),
+)
+"""Of the table, in order; `object`: which object of the frame it was, empty when it was not seen."""
+_KMH = 3.6
+
+
+def rows(tracks: Tracks, frames: Mapping[int, str | int] | None = None) -> Iterator[dict[str, Any]]:
+    """Each row by column; None: not known. `frames`: names of frames by their number."""
+    place_sigma = tracks.place_sigma
+    for k in range(len(tracks)):
+        frame = int(tracks.frame[k])
+        index = int(tracks.index[k])
+        values = (
+            *(int(tracks.id[k]), str(tracks.name[k]), frame if frames is None else frames.get(frame, frame)),
+            *(float(tracks.time[k]), None if index < 0 else index),
+            *tracks.place[k].tolist(),
+            *place_sigma[k].tolist(),
+            *(math.degrees(x) for x in (tracks.heading[k], tracks.heading_sigma[k])),
+            float(tracks.facing_probability[k]),
+            *(_KMH * float(x) for x in (tracks.speed[k], tracks.speed_sigma[k])),
+            *(math.degrees(x) for x in (tracks.yaw_rate[k], tracks.yaw_rate_sigma[k])),
+            *(float(x) for x in (tracks.acceleration[k], tracks.acceleration_sigma[k])),
+            *tracks.size[k].tolist(),
+            *tracks.size_sigma[k].tolist(),
+            *(bool(tracks.standing[k]), *tracks.seen_from[k, :2].tolist()),
+        )
+        yield {name: _plain(value) for name, value in zip(COLUMNS, values, strict=True)}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float):
+        return round(value, 6) if math.isfinite(value) else None
+    return value
+
+
+def csv_text(tracks: Tracks, frames: Mapping[int, str | int] | None = None, header: bool = True) -> str:
+    """Lines of CSV, RFC 4180: empty is not known."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    if header:
+        writer.writerow(COLUMNS)
+    writer.writerows(row.values() for row in rows(tracks, frames))
+    return text.getvalue()
+
+
+def jsonl_text(tracks: Tracks, frames: Mapping[int, str | int] | None = None, header: bool = True) -> str:
+    """One JSON object per row."""
+    return "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows(tracks, frames))
+
+
+def kitti_text(
+    tracks: Tracks,
+    frames: Mapping[int, str | int] | None = None,
+    header: bool = True,
+    *,
+    bboxes: Mapping[tuple[int, int], Any] | None = None,
+    view: View | None = None,
+) -> str:
+    """KITTI's tracking format, `frame id type truncated occluded alpha box h w l x y z ry`, by frame.
+
+    Args:
+        tracks: the rows; those of frames in which a vehicle was not seen are left out.
+        frames: not used: KITTI counts frames.
+        header: not used.
+        bboxes: 2D box of an object by frame and index; others get -1.
+        view: camera, tilt and height, to put places into the camera's frame; None or without a height: y is
+            -1000, not known, and x and z are those of the ground.
+    """
+    seen = tracks[tracks.index >= 0]
+    lines = []
+    for k in np.lexsort((seen.id, seen.frame)):
+        key = (int(seen.frame[k]), int(seen.index[k]))
+        box = None if bboxes is None else bboxes.get(key)
+        left, top, right, bottom = np.nan_to_num([np.nan] * 4 if box is None else box, nan=-1.0)
+        x, z, heading = seen.seen_from[k].tolist()
+        length, height, width = np.nan_to_num(seen.size[k], nan=-1.0).tolist()
+        turned = math.remainder(heading - 0.5 * math.pi, 2.0 * math.pi)
+        alpha = math.remainder(turned - math.atan2(x, z), 2.0 * math.pi)
+        y = -1000.0
+        if view is not None and view.height is not None:
+            x, y, z = (view.R_camera_from_ground @ [x, view.height, z]).tolist()
+        numbers = (left, top, right, bottom, height, width, length, x, y, z, turned)
+        kind = TYPE_OF.get(str(seen.name[k]), str(seen.name[k]))
+        text = " ".join(f"{value:.4f}" for value in (alpha, *numbers))
+        lines.append(f"{key[0]} {int(seen.id[k])} {kind} -1 -1 {text}\n")
+    return "".join(lines)
+
+
+FORMATS = {"csv": csv_text, "jsonl": jsonl_text, "kitti": kitti_text}
+"""By name."""
+ENDINGS = {".csv": "csv", ".jsonl": "jsonl", ".ndjson": "jsonl", ".json": "jsonl", ".txt": "kitti"}
+"""Format by a file's ending."""

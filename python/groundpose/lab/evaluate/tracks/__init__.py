@@ -1,0 +1,1 @@
+"""How well vehicles are followed: sequences with truth, rivals, errors, pages."""

@@ -1,0 +1,149 @@
+"""`groundpose evaluate tracks`: sequences, contenders, numbers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import groundpose as gp
+from groundpose.lab.evaluate import report
+from groundpose.lab.evaluate.tracks.drive import DriveVideo, moved
+from groundpose.lab.evaluate.tracks.errors import Errors, Said
+from groundpose.lab.evaluate.tracks.identity import identity
+from groundpose.lab.evaluate.tracks.kitti import FRAME_INTERVAL, KittiSequences
+from groundpose.lab.evaluate.tracks.rivals import plain_kalman, sort
+from groundpose.lab.evaluate.tracks.sequence import Sequence
+
+JSON = Path("results/tracks.json")
+TABLE = "kitti_vehicles_dev.npz"
+ALONE, PLAIN, SORT, FILTER, SMOOTHED = (
+    *("every frame alone", "plain Kalman filter", "SORT on the boxes"),
+    *("tracker, frames so far", "tracker, all frames"),
+)
+_FRAMES_OF_TIMING, _VEHICLES_OF_TIMING = 500, 20
+
+Contender = Callable[[Sequence], Said]
+
+
+def followed(sequence: Sequence, options: gp.TrackOptions | None = None) -> tuple[gp.Tracks, gp.Tracks]:
+    """Rows of every frame as they came, and smoothed ones."""
+    given = options or gp.TrackOptions(camera_motion=sequence.camera_motion, least_sightings=1)  # type: ignore[arg-type]
+    tracker, now, last = gp.Tracker(sequence.view, given), [], None
+    for frame in sequence.frames:
+        ego = None
+        if last is not None and given.camera_motion == "odometry":
+            ego = moved(last.ego, frame.ego)
+        now.append(tracker.update(frame.poses, frame.time, ego))
+        last = frame
+    return gp.Tracks.join(now), tracker.finish()
+
+
+def numbers_of(sequences: list[Sequence]) -> list[dict[str, Any]]:
+    """A row for each contender on the same sequences."""
+    both = [followed(sequence) for sequence in sequences]
+    said: dict[str, list[Said]] = {
+        ALONE: [Said.of_poses(sequence) for sequence in sequences],
+        PLAIN: [plain_kalman(sequence) for sequence in sequences],
+        SORT: [sort(sequence, FRAME_INTERVAL) for sequence in sequences],
+        FILTER: [Said.of_tracks(now) for now, _ in both],
+        SMOOTHED: [Said.of_tracks(smoothed) for _, smoothed in both],
+    }
+    rows = []
+    for name, parts in said.items():
+        pairs = list(zip(parts, sequences, strict=True))
+        errors = Errors.join([Errors.of(part, sequence) for part, sequence in pairs])
+        row: dict[str, Any] = {"contender": name, **errors.numbers()}
+        if name == ALONE:
+            row = {key: value for key, value in row.items() if "speed" not in key}
+        else:
+            row |= identity(pairs)
+        rows.append(row)
+    return rows
+
+
+def sets(data: Path | None, videos: list[Path]) -> Iterator[tuple[str, Callable[[], list[Sequence]]]]:
+    """Names of sets, and what reads them."""
+    if data is not None and (data / TABLE).is_file():
+        for name, arguments in (
+            ("KITTI, camera unknown, errors of 1 s", {}),
+            ("KITTI, height known, errors of 1 s", {"height": True}),
+            ("KITTI, height known, errors of a frame", {"height": True, "error_time": 0.0}),
+        ):
+            yield name, lambda given=arguments: list(KittiSequences(data / TABLE, **given))  # type: ignore[misc]
+    if videos:
+        pipeline = gp.Pipeline()
+        for video in videos:
+            for name, frame in (("alone", None), ("height known", gp.FramePriors())):
+                made = DriveVideo(video, pipeline, "true", frame)
+                yield f"drive {video.name}, vehicles {name}", lambda made=made: [made.sequence()]  # type: ignore[misc]
+
+
+def run(data: Path | None, videos: list[Path], say: Callable[[str], None]) -> dict[str, Any]:
+    """All contenders on all sets, and times."""
+    tables: dict[str, Any] = {}
+    for name, read in sets(data, videos):
+        say(name)
+        sequences = read()
+        tables[name] = {
+            "sequences": len(sequences),
+            "frames": sum(len(sequence.frames) for sequence in sequences),
+            "rows": numbers_of(sequences),
+        }
+    return {
+        "command": "groundpose evaluate tracks",
+        "versions": report.versions(),
+        "machine": report.machine(),
+        "sets": tables,
+        "time": timing(),
+    }
+
+
+def timing() -> dict[str, float]:
+    """Microseconds of one core per object and frame, of the whole Python call and of smoothing."""
+    view = gp.View(gp.Camera(fx=1000.0, fy=1000.0, cx=640.0, cy=360.0), pitch=-0.1)
+    frames = [_made(view, k) for k in range(_FRAMES_OF_TIMING)]
+    tracker = gp.Tracker(view)
+    start = time.process_time()
+    for k, frame in enumerate(frames):
+        tracker.update(frame, 0.1 * k)
+    middle = time.process_time()
+    rows = len(tracker.finish())
+    end = time.process_time()
+    objects = _FRAMES_OF_TIMING * _VEHICLES_OF_TIMING
+    return {
+        "vehicles": _VEHICLES_OF_TIMING,
+        "update us": 1e6 * (middle - start) / objects,
+        "finish us": 1e6 * (end - middle) / max(rows, 1),
+    }
+
+
+def _made(view: gp.View, frame: int) -> gp.SeenVehicles:
+    """Vehicles that drive away, seen with noise."""
+    n, rng = _VEHICLES_OF_TIMING, np.random.default_rng(frame)
+    ground = np.stack([4.0 * np.arange(n) - 40.0, np.full(n, 1.5), 20.0 + 0.2 * frame + np.arange(n)], axis=1)
+    covariance = np.tile(np.diag([1e-3, 1e-3, 1e-3, 0.04, 0.04, 0.04]), (n, 1, 1))
+
+    def unknown(*shape: int) -> Any:
+        return np.full((n, *shape), np.nan)
+
+    return gp.SeenVehicles(
+        view=view,
+        names=("car",) * n,
+        R=np.tile(view.R_camera_from_ground, (n, 1, 1)),
+        t=(ground + 0.05 * rng.normal(size=(n, 3))) @ view.R_camera_from_ground.T,
+        covariance=covariance,
+        other_R=unknown(3, 3),
+        other_t=unknown(3),
+        other_covariance=unknown(6, 6),
+        other_probability=unknown(),
+        bottom_centres=np.zeros((n, 3)),
+        size=np.tile([4.3, 1.5, 1.8], (n, 1)),
+        size_sigma=np.full((n, 3), 0.1),
+        bboxes=unknown(4),
+        ambiguity=np.full(n, 0.1),
+        probability=np.full(n, 0.9),
+    )

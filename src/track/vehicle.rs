@@ -1,0 +1,145 @@
+//! A vehicle with its history.
+
+use std::collections::VecDeque;
+
+use crate::track::filter::VehicleFilter;
+use crate::track::model::{Belief, Camera2, StateMatrix};
+use crate::track::options::TrackOptions;
+use crate::track::row::{Told, TrackRow, row_of};
+use crate::track::sighting::Sighting;
+use crate::track::smooth::{Step, smoothed};
+
+/// When a vehicle was looked for, and from where.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moment {
+    pub(crate) frame: u64,
+    pub(crate) time: f64,
+    pub(crate) camera: Camera2,
+}
+
+/// A frame in the history.
+#[derive(Clone, Copy, Debug)]
+struct Past {
+    moment: Moment,
+    sighting: Option<usize>,
+    standing: bool,
+    step: Step,
+}
+
+/// A vehicle with its history.
+#[derive(Clone, Debug)]
+pub(crate) struct Vehicle {
+    pub(crate) id: u64,
+    pub(crate) filter: VehicleFilter,
+    pub(crate) last_seen: f64,
+    pub(crate) sightings: usize,
+    /// 2D box when it was last seen, and how its sides move, pixels per second.
+    pub(crate) bbox: [f64; 4],
+    pub(crate) bbox_rate: [f64; 4],
+    classes: Vec<f64>,
+    by_before: StateMatrix,
+    predicted: Belief,
+    history: VecDeque<Past>,
+}
+
+impl Vehicle {
+    pub(crate) fn new(id: u64, options: &TrackOptions, moment: &Moment, seen: &Sighting) -> Self {
+        let filter = VehicleFilter::new(options, moment.camera, seen);
+        let mut vehicle = Self {
+            id,
+            filter,
+            last_seen: moment.time,
+            sightings: 1,
+            bbox: seen.bbox,
+            bbox_rate: [0.0; 4],
+            classes: vec![],
+            by_before: StateMatrix::identity(),
+            predicted: filter.belief,
+            history: VecDeque::new(),
+        };
+        vehicle.count_class(seen);
+        vehicle.keep(moment, Some(seen.number));
+        vehicle
+    }
+
+    /// `dt` seconds later.
+    pub(crate) fn predict(&mut self, dt: f64, camera: Camera2) {
+        self.by_before = self.filter.advance(dt, camera);
+        self.predicted = self.filter.belief;
+    }
+
+    /// It was seen, or not.
+    pub(crate) fn update(&mut self, moment: &Moment, dt: f64, seen: Option<&Sighting>) {
+        if let Some(seen) = seen {
+            self.filter.notice(moment.camera, dt, seen);
+            self.predicted = self.filter.belief;
+            self.filter.absorb(moment.camera, dt, seen);
+            self.count_class(seen);
+            self.move_box(&seen.bbox, moment.time);
+            self.last_seen = moment.time;
+            self.sightings += 1;
+        }
+        self.keep(moment, seen.map(|seen| seen.number));
+    }
+
+    fn keep(&mut self, moment: &Moment, sighting: Option<usize>) {
+        let step = Step { by_before: self.by_before, predicted: self.predicted, updated: self.filter.belief };
+        self.history.push_back(Past { moment: *moment, sighting, standing: self.filter.told().standing, step });
+    }
+
+    fn count_class(&mut self, seen: &Sighting) {
+        if self.classes.len() <= seen.class {
+            self.classes.resize(seen.class + 1, 0.0);
+        }
+        self.classes[seen.class] += seen.probability.max(0.01);
+    }
+
+    /// The class it was seen as most; the first of equals.
+    pub(crate) fn class(&self) -> usize {
+        (0..self.classes.len()).fold(0, |best, k| if self.classes[k] > self.classes[best] { k } else { best })
+    }
+
+    fn move_box(&mut self, bbox: &[f64; 4], time: f64) {
+        let dt = (time - self.last_seen).max(1e-3);
+        for k in 0..4 {
+            let rate = (bbox[k] - self.bbox[k]) / dt;
+            self.bbox_rate[k] = if rate.is_finite() { 0.5 * (self.bbox_rate[k] + rate) } else { 0.0 };
+        }
+        self.bbox = *bbox;
+    }
+
+    /// Where its 2D box should be; NaN = not known.
+    pub(crate) fn expected_box(&self, time: f64) -> [f64; 4] {
+        core::array::from_fn(|k| self.bbox[k] + self.bbox_rate[k] * (time - self.last_seen))
+    }
+
+    /// What is known of it now.
+    pub(crate) fn row(&self) -> Option<TrackRow> {
+        let last = self.history.back()?;
+        Some(self.completed(last, self.filter.row(last.moment.camera)))
+    }
+
+    fn completed(&self, past: &Past, row: TrackRow) -> TrackRow {
+        let Moment { frame, time, .. } = past.moment;
+        TrackRow { id: self.id, frame, time, class: self.class(), sighting: past.sighting, ..row }
+    }
+
+    pub(crate) fn frames(&self) -> usize {
+        self.history.len()
+    }
+
+    /// The oldest frames but the newest `kept`, smoothed by all; they leave the history. Those at the end in which it was
+    /// not seen are none of its.
+    pub(crate) fn hand_out(&mut self, kept: usize, rows: &mut Vec<TrackRow>) {
+        let steps: Vec<Step> = self.history.iter().map(|past| past.step).collect();
+        let last_seen = self.history.iter().rposition(|past| past.sighting.is_some()).map_or(0, |k| k + 1);
+        let known = if kept == 0 { last_seen } else { steps.len() };
+        let told = self.filter.told();
+        let out = steps.len().saturating_sub(kept).min(known);
+        for (past, belief) in self.history.iter().zip(smoothed(&steps[..known])).take(out) {
+            let told = Told { standing: past.standing, ..told };
+            rows.push(self.completed(past, row_of(&belief, &told, past.moment.camera)));
+        }
+        self.history.drain(..out);
+    }
+}
