@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from groundpose import Network, Pipeline, VehiclePoses
 from groundpose.cli.inputs import NetworkFile
+from groundpose.cli.main import app
 from groundpose.keypoints import network as network_module
 from groundpose.keypoints import onnx as onnx_file
 from groundpose.keypoints.decode import Calibration, Detections
@@ -22,6 +23,7 @@ from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import keypoint_indices
 from PIL import Image
 from stand_in import HEIGHT, PLACES, WIDTH, K, write
+from typer.testing import CliRunner
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (150, 200, 3), dtype=np.uint8)
 VIEW = gp.View(gp.Camera(200.0, 200.0, 99.5, 74.5, image_size=(200, 150)))
@@ -292,7 +294,9 @@ def test_a_provider_that_does_not_start_is_refused(path, monkeypatch):
     ort = onnx_file.runtime()
     monkeypatch.setattr(ort, "get_available_providers", lambda: there)
     begin = ort.InferenceSession
-    monkeypatch.setattr(ort, "InferenceSession", lambda *a, providers: begin(*a, providers=providers[-1:]))
+    monkeypatch.setattr(
+        ort, "InferenceSession", lambda *a, providers, **more: begin(*a, providers=providers[-1:], **more)
+    )
     with pytest.raises(gp.InputError, match="NoSuchExecutionProvider, which does not start here"):
         gp.Network(path, providers=["nosuch"])
 
@@ -300,3 +304,14 @@ def test_a_provider_that_does_not_start_is_refused(path, monkeypatch):
 def test_a_network_given_has_its_own_providers(path):
     with pytest.raises(gp.InputError, match="providers: expected None beside a Network"):
         gp.Pipeline(gp.Network(path), providers=["cpu"])
+
+
+def test_the_command_line_has_providers(path, tmp_path):
+    Image.fromarray(IMAGE).save(tmp_path / "a.png")
+    (tmp_path / "a.txt").write_text("10 10 90 80\n")
+    given = [tmp_path / "a.png", "--boxes", tmp_path / "a.txt", "--network", path, "--fov-deg", "60"]
+    for name, status in (("cpu", 0), ("nosuch", 2)):
+        command = ["estimate", *map(str, given), "--provider", name, "--format", "jsonl"]
+        result = CliRunner().invoke(app, command, catch_exceptions=False)
+        assert (result.exit_code == 2) == (status == 2), result.stderr
+    assert "providers: expected execution providers of" in result.stderr
