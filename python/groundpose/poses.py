@@ -333,6 +333,23 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
 
         return format_results(self, names, scores)
 
+    def to_supervision(self) -> Any:
+        """`supervision.Detections` for its annotators (`pip install groundpose[supervision]`).
+
+        Of the objects whose 2D boxes are known: the box, `probability` as confidence (0 without a pose), the
+        number of the class in `groundpose.vehicles.CLASSES` (-1: none of these), and as `data` `index` (in
+        this batch), `class_name`, `status`, `yaw`, `centre` (3,) and `size` (3,) of the 3D box in metres
+        (camera frame; length, height, width), `R` (3, 3) from axes x forward, y left, z up, and `cuboid`
+        (8, 2), its corners in pixels in the order of `groundpose.formats.columns.CORNERS`; NaN without a
+        pose.
+
+        Raises:
+            InputError: supervision is not installed.
+        """
+        from groundpose.formats.neighbours.supervision import to_supervision  # stands above this file
+
+        return to_supervision(self)
+
     def to_arrow(self, frame: str = "") -> Any:
         """A `pyarrow.Table` with a row for each object: all fields, see `groundpose.formats.arrow_schema`.
 

@@ -39,6 +39,10 @@ DOORS = {
     ("poses", "draw"): "PoseBatch.draw: a result shows itself",
     ("poses", "formats.arrow_poses"): "PoseBatch.to_arrow: a result is a table of Arrow",
     (
+        "poses",
+        "formats.neighbours.supervision",
+    ): "PoseBatch.to_supervision: a result in the terms of a library",
+    (
         "vehicles",
         "lab.bodies",
     ): "vehicles.body and its like: public names whose code only the laboratory needs",

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import pickle
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -12,7 +13,9 @@ import numpy as np
 import pytest
 from groundpose import Network, Pipeline, VehiclePoses
 from groundpose.cli.inputs import NetworkFile
+from groundpose.cli.main import app
 from groundpose.keypoints import network as network_module
+from groundpose.keypoints import onnx as onnx_file
 from groundpose.keypoints.decode import Calibration, Detections
 from groundpose.keypoints.image import as_rgb
 from groundpose.keypoints.network import CERTAINTY, FORMAT
@@ -20,6 +23,7 @@ from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import keypoint_indices
 from PIL import Image
 from stand_in import HEIGHT, PLACES, WIDTH, K, write
+from typer.testing import CliRunner
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (150, 200, 3), dtype=np.uint8)
 VIEW = gp.View(gp.Camera(200.0, 200.0, 99.5, 74.5, image_size=(200, 150)))
@@ -263,3 +267,51 @@ def test_calibration_recovers_the_chances():
     assert np.all((chance >= 0.0) & (chance <= 1.0))
     constant = Calibration.fit(found, np.ones(400), np.ones((400, K), bool), np.ones((400, K), bool))
     assert np.isfinite(constant.numbers).all()
+
+
+@pytest.mark.parametrize("providers", [["cpu"], ["CPUExecutionProvider"], ("CPU",), [], None])
+def test_the_cpu_runs_a_network_by_any_of_its_names(path, providers):
+    pipeline = gp.Pipeline(path, providers=providers)
+    assert pipeline.network._file._session.get_providers() == ["CPUExecutionProvider"]
+    again = pickle.loads(pickle.dumps(pipeline.network))
+    assert again._providers == (None if providers is None else tuple(providers))
+
+
+@pytest.mark.parametrize("name", ["NoSuchExecutionProvider", "nosuch"])
+def test_a_provider_that_is_not_there_is_refused_with_those_that_are(path, name):
+    expected = rf"providers: expected execution providers of .*CPUExecutionProvider.*, got '{name}'"
+    with pytest.raises(gp.InputError, match=expected):
+        gp.Pipeline(path, providers=[name])
+    with pytest.raises(gp.InputError, match=expected):
+        gp.Network(path, providers=[name, "cpu"])
+    with pytest.raises(TypeError, match="providers: expected a list of names"):
+        gp.Network(path, providers="cpu")
+
+
+def test_a_provider_that_does_not_start_is_refused(path, monkeypatch):
+    """onnxruntime goes on with the CPU when it cannot load a provider's libraries."""
+    there = ["NoSuchExecutionProvider", "CPUExecutionProvider"]
+    ort = onnx_file.runtime()
+    monkeypatch.setattr(ort, "get_available_providers", lambda: there)
+    begin = ort.InferenceSession
+    monkeypatch.setattr(
+        ort, "InferenceSession", lambda *a, providers, **more: begin(*a, providers=providers[-1:], **more)
+    )
+    with pytest.raises(gp.InputError, match="NoSuchExecutionProvider, which does not start here"):
+        gp.Network(path, providers=["nosuch"])
+
+
+def test_a_network_given_has_its_own_providers(path):
+    with pytest.raises(gp.InputError, match="providers: expected None beside a Network"):
+        gp.Pipeline(gp.Network(path), providers=["cpu"])
+
+
+def test_the_command_line_has_providers(path, tmp_path):
+    Image.fromarray(IMAGE).save(tmp_path / "a.png")
+    (tmp_path / "a.txt").write_text("10 10 90 80\n")
+    given = [tmp_path / "a.png", "--boxes", tmp_path / "a.txt", "--network", path, "--fov-deg", "60"]
+    for name, status in (("cpu", 0), ("nosuch", 2)):
+        command = ["estimate", *map(str, given), "--provider", name, "--format", "jsonl"]
+        result = CliRunner().invoke(app, command, catch_exceptions=False)
+        assert (result.exit_code == 2) == (status == 2), result.stderr
+    assert "providers: expected execution providers of" in result.stderr

@@ -39,6 +39,9 @@ class BoxChoice:
         from groundpose.detector.detector import Detector
 
         if self.detector is not None:
-            return BoxesOfDetector(Detector(self.detector, pipeline.threads, min_score=self.score), pipeline)
+            found = Detector(
+                self.detector, pipeline.threads, min_score=self.score, providers=pipeline.providers
+            )
+            return BoxesOfDetector(found, pipeline)
         assert self.boxes is not None
         return BoxesOfFiles(self.boxes, images, is_several(images))

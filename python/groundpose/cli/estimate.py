@@ -42,9 +42,10 @@ def estimate(
         Path,
         typer.Argument(
             metavar="INPUT",
-            help="An image, a folder of images, a pattern ('frame_%06d.png', 'frame_*.png') or a video, with "
-            "[bold]--boxes[/bold] or [bold]--detector[/bold]; or frames with keypoints: one (.json), JSON "
-            "lines (.jsonl), or - for standard input; or frames in Parquet files: one, or a folder.",
+            help="An image, a folder of images, a pattern ('frame_%06d.png', 'frame_*.png'), a video or a "
+            "recording (.mcap, a bag of ROS), with [bold]--boxes[/bold] or [bold]--detector[/bold]; or "
+            "frames with keypoints: one (.json), JSON lines (.jsonl), or - for standard input; or frames in "
+            "Parquet files: one, or a folder.",
         ),
     ],
     boxes: Annotated[
@@ -84,6 +85,9 @@ def estimate(
         bool,
         typer.Option(help="Whether pictures are turned as their EXIF data asks.", show_default=False),
     ] = True,
+    topic: Annotated[
+        str | None, typer.Option(help="Of a recording's images, when it has several.", metavar="NAME")
+    ] = None,
     calib: Annotated[
         Path | None,
         typer.Option(
@@ -184,6 +188,16 @@ def estimate(
         ),
     ] = None,
     threads: Annotated[int | None, typer.Option(min=1, show_default="all cores", help="Threads.")] = None,
+    providers: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--provider",
+            help="What runs the networks: cuda, tensorrt, coreml, openvino, cpu ..., as far as onnxruntime "
+            "has it. May be given several times, in order.",
+            metavar="NAME",
+            show_default="cpu",
+        ),
+    ] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit status 1 also when one vehicle has no pose or is left out.")
     ] = False,
@@ -245,6 +259,8 @@ def estimate(
             "min-score": min_score,
             "no-pictures": None if pictures else True,
             "no-exif": None if exif else True,
+            "provider": providers or None,
+            "topic": topic,
         }
         if tables is not None:
             frames = (network, detector, detector_score, vehicle_threshold, meant)
@@ -253,7 +269,9 @@ def estimate(
             seen_by = CameraChoice(calib if profile is None else profile, camera, fov_deg)
             found_by = BoxChoice(boxes, detector, detector_score)
             status = job.images(
-                source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
+                *(source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif),
+                providers=providers or None,
+                topic=topic,
             )
         else:
             for_images = for_files | {
@@ -325,6 +343,8 @@ class _Job:
         pictures: bool,
         classes: Mapping[str, str],
         exif: bool,
+        providers: list[str] | None,
+        topic: str | None,
     ) -> int:
         """Estimate images; returns the exit status."""
         from groundpose.cli.images import STYLE, ImageWork
@@ -337,9 +357,10 @@ class _Job:
             threads=self.threads,
             vehicle_threshold=vehicle_threshold,
             classes=classes,
+            providers=providers,
         )
         least = -math.inf if min_score is None else min_score
-        work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif)
+        work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif, topic)
         form = chosen_format(self.form, self.out, images=True)
         where = Destination.of_images(self.out, form, work.several)
         drawn = self._pictures(work.several, where.pictures if pictures else None)

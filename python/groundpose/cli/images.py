@@ -15,7 +15,7 @@ from groundpose._checks import blamed, input_error
 from groundpose._core import InputError
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
-from groundpose.cli.inputs import Shot, is_several, is_video, pictures, shots
+from groundpose.cli.inputs import Shot, has_frames, is_several, is_video, pictures, shots
 from groundpose.cli.results import Style
 from groundpose.cli.run import Mounting, Result
 from groundpose.formats.boxes import Box, Boxes
@@ -57,6 +57,7 @@ class ImageWork:
     min_score: float
     pipeline: Pipeline
     exif: bool = True
+    topic: str | None = None
     left_out: Counter[str] = field(default_factory=Counter)
     kept: int = 0
     no_vehicle: int = 0
@@ -66,18 +67,19 @@ class ImageWork:
     def __post_init__(self) -> None:
         """Find the images, read what is for all of them."""
         self.name = str(self.path)
-        self._pictures = None if is_video(self.path) else pictures(self.path)
+        self._pictures = None if has_frames(self.path) else pictures(self.path)
         #: None: only reading the video tells.
         self.total = None if self._pictures is None else len(self._pictures)
         self.several = is_several(self.path)
         self.boxes = self.found_by.source(self.path, self.pipeline)
         self._view = self.camera.of_all()
-        if not self.camera.is_given and not self.boxes.may_have_cameras:
+        recorded = has_frames(self.path) and not is_video(self.path)
+        if not self.camera.is_given and not self.boxes.may_have_cameras and not recorded:
             raise _no_camera(self.name)
 
     def __iter__(self) -> Iterator[Result | InputError | None]:
         """Images in order; a bad one gives its error and the next one goes on."""
-        for number, shot in enumerate(shots(self.path, self._pictures, self.exif)):
+        for number, shot in enumerate(shots(self.path, self._pictures, self.exif, self.topic)):
             if number in self.finished:
                 yield None
             else:
@@ -106,7 +108,7 @@ class ImageWork:
             with blamed(path):
                 pixels = as_rgb(path, self.exif) if shot.image is None else as_rgb(shot.image)
                 found = self.boxes.of(shot, pixels)
-                view = self._view_of(shot.name, found, (pixels.shape[1], pixels.shape[0]))
+                view = self._view_of(shot, found, (pixels.shape[1], pixels.shape[0]))
                 boxes = [box for box in found.boxes if self._keeps(box)]
                 poses = self._poses(path, pixels, boxes, view)
         except InputError as error:
@@ -128,10 +130,11 @@ class ImageWork:
             return True
         return False
 
-    def _view_of(self, name: str, boxes: Boxes, size: tuple[int, int]) -> View:
-        view = self._view or self.camera.of_one(name, size) or boxes.view
+    def _view_of(self, shot: Shot, boxes: Boxes, size: tuple[int, int]) -> View:
+        recorded = None if shot.camera is None else View(shot.camera)
+        view = self._view or self.camera.of_one(shot.name, size) or boxes.view or recorded
         if view is None:
-            raise _no_camera(name)
+            raise _no_camera(shot.name)
         return self.mounting.of(view)
 
     def _poses(self, path: Path, pixels: NDArray[np.uint8], boxes: list[Box], view: View) -> VehiclePoses:
@@ -172,7 +175,6 @@ def vehicle_record(frame: Frame, poses: VehiclePoses) -> str:
     vehicle and of its class, and its keypoints with their scores."""
     each = [
         {
-            "bbox": o.bbox,
             **({} if o.score is None else {"detection_score": o.score}),
             "vehicle_probability": float(vehicle),
             "model_probability": float(probability),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from groundpose._checks import input_error, regular_file
 from groundpose._core import InputError
+from groundpose.types import Camera
 
 _FRAMES = frozenset(("", ".json", ".jsonl", ".ndjson"))
 """Endings of names of frames with keypoints."""
@@ -40,7 +41,8 @@ class Shot:
 
     Attributes:
         label: its id. name: what boxes and calibrations may call it. path: its file.
-        number, time, image: of a video's frame, from 0, in seconds, (H, W, 3).
+        number, time, image: of a frame of a video or a recording, from 0, in seconds, (H, W, 3).
+        camera: that of a recording.
     """
 
     label: str | int
@@ -49,6 +51,7 @@ class Shot:
     number: int | None = None
     time: float | None = None
     image: Image | None = None
+    camera: Camera | None = None
 
 
 @cache
@@ -69,6 +72,13 @@ def is_video(path: Path) -> bool:
     return not path.is_dir() and path.suffix.lower() in _endings()[1]
 
 
+def has_frames(path: Path) -> bool:
+    """Whether the name is one of a video or of a recording."""
+    from groundpose.formats.recordings import is_recording  # with Pillow
+
+    return is_video(path) or is_recording(path)
+
+
 def is_pattern(path: Path) -> bool:
     """Whether it names several pictures, `frame_%06d.png` or `frame_*.png`, and no file."""
     return not path.exists() and bool(_NUMBER.search(path.name) or has_magic(path.name))
@@ -79,26 +89,37 @@ def is_image(path: Path) -> bool:
     ending = path.suffix.lower()
     if path.is_dir() or (is_pattern(path) and ending not in _FRAMES - {""}):
         return True
-    return ending not in _FRAMES and (is_picture(path) or is_video(path))
+    return ending not in _FRAMES and (is_picture(path) or has_frames(path))
 
 
 def is_several(path: Path) -> bool:
     """Whether there may be more than one image."""
-    return path.is_dir() or is_pattern(path) or is_video(path)
+    return path.is_dir() or is_pattern(path) or has_frames(path)
 
 
-def shots(path: Path, found: list[tuple[str, Path]] | None, exif: bool = True) -> Iterator[Shot | InputError]:
+def shots(
+    path: Path, found: list[tuple[str, Path]] | None, exif: bool = True, topic: str | None = None
+) -> Iterator[Shot | InputError]:
     """The images of a run in order: those `found` by `pictures`; None: the frames of the video `path`, turned
-    as it asks if `exif` says so.
+    as it asks if `exif` says so, or of a recording's `topic`.
 
     Raises:
-        OSError: no such file. InputError: no video.
+        OSError: no such file. InputError: no video, no recording.
     """
     if found is not None:
         yield from (Shot(label, picture.name, picture) for label, picture in found)
         return
+    from groundpose.formats.recordings import is_recording, read_recording
     from groundpose.keypoints.video import video_frames
 
+    if is_recording(path):
+        for taken in read_recording(path, topic):
+            if isinstance(taken, InputError):
+                yield taken
+            else:
+                place = (taken.number, taken.time, taken.image, taken.camera)
+                yield Shot(taken.number, f"{taken.number:06d}", path, *place)
+        return
     for frame in video_frames(path, exif):
         if isinstance(frame, InputError):
             yield frame

@@ -1,4 +1,4 @@
-"""The command line: `groundpose estimate | demo | simulate | experiment | train | bench ...`."""
+"""The command line: `groundpose estimate | convert | demo | simulate | experiment | train | bench ...`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 import groundpose
 from groundpose.cli.bench import bench
 from groundpose.cli.calibrate import calibrate
+from groundpose.cli.convert import convert
 from groundpose.cli.crops import crops
 from groundpose.cli.estimate import estimate
 from groundpose.cli.evaluate import app as evaluate
@@ -37,6 +38,7 @@ app = typer.Typer(
     },
 )
 app.command(rich_help_panel="Commands")(estimate)
+app.command()(convert)
 app.command()(calibrate)
 app.command()(track)
 app.command()(simulate)

@@ -50,6 +50,7 @@ class Detector:
         min_score: float | None = None,
         names: Sequence[str] | Mapping[int, str] | None = None,
         size: Size | None = None,
+        providers: Sequence[str] | None = None,
     ) -> None:
         """Load the network for `threads` threads (None: all cores) and ask it once.
 
@@ -60,6 +61,7 @@ class Detector:
             names: of the classes by number, instead of the file's.
             size: width and height of the input where the file leaves them open; None: what its metadata say,
                 else 640 x 640.
+            providers: what runs it, see `Network`.
 
         Raises:
             OSError: no such file. InputError: no ONNX network, or one whose outputs are of no known layout.
@@ -67,9 +69,11 @@ class Detector:
         """
         if not isinstance(path, (str, PathLike)):
             raise type_error("path", "a path", path)
-        self._arguments = {"min_score": min_score, "names": names, "size": size}
+        self._arguments = {"min_score": min_score, "names": names, "size": size, "providers": providers}
         self._threads = threads
-        self._network = PictureNetwork(path, threads, None if size is None else _checked_size(size))
+        self._network = PictureNetwork(
+            path, threads, None if size is None else _checked_size(size), providers
+        )
         self.path, self.size, self.metadata = self._network.path, self._network.size, self._network.metadata
         self._names = self._network.names if names is None else _checked_names(names)
         self._layout = self._recognised()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -39,9 +39,15 @@ class PictureNetwork:
         names: of its classes by number; empty if the file has none.
     """
 
-    def __init__(self, path: str | PathLike[str], threads: int | None, size: Size | None) -> None:
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        threads: int | None,
+        size: Size | None,
+        providers: Sequence[str] | None = None,
+    ) -> None:
         """Load it. Raises OSError, InputError: no network of pictures, or an input of another size."""
-        self._file = OnnxFile(path, threads)
+        self._file = OnnxFile(path, threads, providers)
         self.path, self.metadata = self._file.path, self._file.metadata
         task = self.metadata.get("task", _TASKS[0])
         if task not in _TASKS:

@@ -5,10 +5,11 @@ A format is a row of `CALIBRATIONS`: its name, and how it finds the cameras of a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from groundpose._checks import input_error
 from groundpose.formats.cameras.driving import (
@@ -89,6 +90,26 @@ def read_calibration(path: str | PathLike[str], name: str | None = None) -> View
     view = _chosen(content.place, _with_channels(entries, Path(path)), name).read()
     _refuse_implausible(content.place, view.camera)
     return view
+
+
+def camera_of_message(message: Mapping[str, Any], place: str, rectified: bool = False) -> Camera:
+    """The camera of a ROS CameraInfo, or of what has its members: `width, height, distortion_model, D, K, R,
+    P`.
+
+    Args:
+        message: its members as numbers, texts and lists.
+        place: how errors begin.
+        rectified: whether of the rectified pictures (`P`) rather than of the raw ones.
+
+    Raises:
+        InputError: no camera, or one that is not calibrated.
+    """
+    entries = list(_search(Field(dict(message), place), ()))
+    if not entries:
+        raise input_error(place, "a camera with K or P", "none")
+    camera = _chosen(place, entries, "rectified" if rectified else None).read().camera
+    _refuse_implausible(place, camera)
+    return camera
 
 
 def _root(content: Content) -> Field | None:

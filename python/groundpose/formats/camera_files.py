@@ -10,7 +10,7 @@ import json
 import numpy as np
 
 from groundpose._checks import FloatArray
-from groundpose.formats.conversions import to_quaternions
+from groundpose.formats.conversions import BODY_FROM_OBJECT, to_quaternions
 from groundpose.lens import DEFAULT_LENS, LENSES
 from groundpose.types import Camera, View
 
@@ -18,12 +18,12 @@ from groundpose.types import Camera, View
 def format_opencv_yaml(camera: Camera) -> str:
     """As OpenCV's FileStorage writes it; read by it, by ROS and by `Camera.from_opencv_yaml`."""
     head = "%YAML:1.0\n---\n" + _size_lines(camera, "image_")
-    model, distortion = _distortion(camera)
+    model, distortion = ros_distortion(camera)
     head += _matrix("camera_matrix", camera.K) + f"distortion_model: {model}\n"
     return head + _matrix("distortion_coefficients", distortion.reshape(-1, 1))
 
 
-def _distortion(camera: Camera) -> tuple[str, FloatArray]:
+def ros_distortion(camera: Camera) -> tuple[str, FloatArray]:
     """ROS's name of the lens model and the coefficients (n,); without distortion zeros of the default one."""
     if camera.distortion is None:
         model = LENSES[DEFAULT_LENS]
@@ -43,7 +43,7 @@ def _matrix(name: str, a: FloatArray) -> str:
 def format_camera_info(camera: Camera) -> str:
     """A camera_info message as ROS 1 prints it: for `rostopic pub` and readers of such files."""
     P = np.hstack([camera.K, np.zeros((3, 1))])
-    model, distortion = _distortion(camera)
+    model, distortion = ros_distortion(camera)
     rows = {"D": distortion, "K": camera.K, "R": np.eye(3), "P": P}
     lines = "".join(f"{name}: {json.dumps(a.ravel().tolist())}\n" for name, a in rows.items())
     return f"{_size_lines(camera, '')}distortion_model: {model}\n{lines}"
@@ -58,9 +58,7 @@ def _size_lines(camera: Camera, prefix: str) -> str:
 
 def format_nuscenes(view: View) -> str:
     """A record of calibrated_sensor.json; the ego frame stands below the camera."""
-    # the ground frame has x right, y down, z forward; the ego frame x forward, y left, z up
-    ego_from_ground = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    rotation = to_quaternions((ego_from_ground @ view.R_camera_from_ground.T)[None])[0].tolist()
+    rotation = to_quaternions((BODY_FROM_OBJECT @ view.R_camera_from_ground.T)[None])[0].tolist()
     size = view.camera.image_size
     record = {
         "translation": [0.0, 0.0, view.height or 0.0],

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
-from groundpose.formats.conversions import to_quaternions
+from groundpose.formats.conversions import covariance_at, to_quaternions
 from groundpose.formats.frames import Frame
 from groundpose.formats.kitti.results import bottom_centres
 from groundpose.poses import PoseBatch
@@ -35,6 +35,12 @@ CORNERS = tuple(
     )
 )
 """Names of the corners: around the bottom face, then around the top one."""
+
+
+def corner(end: str, height: str, side: str) -> int:
+    """Number of a corner in `CORNERS`."""
+    return CORNERS.index(f"{end}_{height}_{side}")
+
 
 _XYZ = ("x", "y", "z")
 _NUMBERS = (
@@ -92,9 +98,14 @@ def corners(poses: PoseBatch) -> FloatArray:
     found = np.full((len(poses), 8, 3), np.nan)
     for k in np.flatnonzero(poses.ok):
         low, high = poses.models[k].stretched_bbox_3d(poses.shape_coefficients[k])
-        rows = [_corner(name, low, high) for name in CORNERS]
-        found[k] = np.array(rows) @ poses.R[k].T + poses.t[k]
+        found[k] = corners_of(low, high, poses.R[k], poses.t[k])
     return found
+
+
+def corners_of(low: FloatArray, high: FloatArray, R: FloatArray, t: FloatArray) -> FloatArray:
+    """(8, 3) of a 3D box whose lowest and highest corner are `low`, `high` (3,) in the object frame."""
+    rows = [_corner(name, low, high) for name in CORNERS]
+    return np.asarray(np.array(rows) @ R.T + t)
 
 
 def _corner(name: str, low: FloatArray, high: FloatArray) -> tuple[float, float, float]:
@@ -108,13 +119,8 @@ def _corner(name: str, low: FloatArray, high: FloatArray) -> tuple[float, float,
 
 
 def _place_covariance(poses: PoseBatch, middle: FloatArray) -> FloatArray:
-    """(N, 3, 3) of the middles (N, 3): a turn of the object about its origin moves them too."""
-    arm = middle - poses.t
-    zero = np.zeros(len(arm))
-    x, y, z = arm.T
-    against = np.stack([zero, z, -y, -z, zero, x, y, -x, zero], axis=1).reshape(-1, 3, 3)
-    slope = np.concatenate([against, np.broadcast_to(np.eye(3), against.shape)], axis=2)
-    return np.asarray(slope @ poses.covariance @ np.swapaxes(slope, 1, 2))
+    """(N, 3, 3) of the middles (N, 3)."""
+    return covariance_at(poses.covariance, middle - poses.t)[:, 3:, 3:]
 
 
 def _sigmas(covariance: FloatArray) -> FloatArray:

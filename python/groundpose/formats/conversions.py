@@ -1,4 +1,4 @@
-"""Poses in the terms of other libraries: 4 x 4 matrices, rotation vectors, KITTI's numbers, and back.
+"""Poses in the terms of other libraries: 4 x 4 matrices, rotation vectors, KITTI's numbers, the axes of ROS.
 
 All arrays lead with the N objects; an object without an answer is NaN throughout.
 """
@@ -13,6 +13,9 @@ from groundpose.formats.kitti.results import R_from_rotation_y, results
 from groundpose.poses import PoseBatch
 
 _SMALL = 1e-6
+BODY_FROM_OBJECT: FloatArray = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""From x right, y down, z forward (object and ground frame) to x forward, y left, z up, the axes of bodies in
+ROS (REP 103), nuScenes and Foxglove."""
 
 
 def to_matrices(R: ArrayLike, t: ArrayLike) -> FloatArray:
@@ -92,3 +95,32 @@ def from_kitti(rows: ArrayLike, offset: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Fl
     given = shaped("rows", rows, ("N", 8))
     R = np.array([R_from_rotation_y(angle) for angle in given[:, 6]]).reshape(-1, 3, 3)
     return R, given[:, 3:6] + shaped("offset", offset, (3,))
+
+
+def to_body_axes(R: ArrayLike) -> FloatArray:
+    """Rotations (N, 3, 3) from an object's axes x forward, y left, z up to the camera frame, of `R`
+    (N, 3, 3)."""
+    return np.asarray(shaped("R", R, ("N", 3, 3)) @ BODY_FROM_OBJECT.T)
+
+
+def covariance_at(covariance: ArrayLike, arm: ArrayLike) -> FloatArray:
+    """(N, 6, 6) of `[rotation vector, place]`, of another point of the objects than their origin.
+
+    Args:
+        covariance: (N, 6, 6) of a `PoseBatch`.
+        arm: (N, 3) metres from the object's origin to the point, in the camera frame: a turn about the
+            origin moves it too.
+    """
+    given = shaped("covariance", covariance, ("N", 6, 6))
+    x, y, z = shaped("arm", arm, (len(given), 3)).T
+    slope = np.broadcast_to(np.eye(6), given.shape).copy()
+    slope[:, 3, 1], slope[:, 3, 2] = z, -y
+    slope[:, 4, 0], slope[:, 4, 2] = -z, x
+    slope[:, 5, 0], slope[:, 5, 1] = y, -x
+    return np.asarray(slope @ given @ np.swapaxes(slope, 1, 2))
+
+
+def to_ros_covariance(covariance: ArrayLike) -> FloatArray:
+    """(N, 6, 6) in the order of ROS, `[place, rotation about the axes of the frame]`."""
+    order = [3, 4, 5, 0, 1, 2]
+    return shaped("covariance", covariance, ("N", 6, 6))[:, order][:, :, order]

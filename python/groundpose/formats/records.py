@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from groundpose._checks import FloatArray
 from groundpose.formats.frames import Frame
 from groundpose.frame import EstimatedView
 from groundpose.poses import WRITTEN, PoseBatch
-from groundpose.types import View
+from groundpose.types import Camera, View
 
 
 def pose_record(
@@ -21,28 +22,49 @@ def pose_record(
     more: Mapping[str, Any] | None = None,
     each: Sequence[Mapping[str, Any]] | None = None,
 ) -> str:
-    """One JSON line: `{"id": ..., "objects": [{"id", "model", "status", "R", "t", "yaw", ...}]}`.
+    """One JSON line: `{"id": ..., "camera": ..., "objects": [{"id", "model", "status", "R", "t", ...}]}`.
 
-    The members of an object are the fields of `Pose` of the same names; NaN is null. `more` are further
-    members of the line, after the frame's time if it has one, and `each` of its objects, written before the
-    pose. What looks wrong in the input stands in `remarks`, if anything does. A view that was estimated from
-    the frame adds its numbers (and `remarks`, even of nothing) to the line, sizes and positions to the
-    objects.
+    Camera and tilt stand there as frames have them. The members of an object are the fields of `Pose` of the
+    same names, `bbox` as given, and `bbox_3d`, (2, 3) metres, the lowest and the highest corner of the
+    estimated shape's 3D box in the object frame; NaN is null. `more` are further members of the line, after
+    the frame's time if it has one, and `each` of its objects, written before the pose. What looks wrong in
+    the input stands in `remarks`, if anything does. A view that was estimated from the frame adds its numbers
+    (and `remarks`, even of nothing) to the line, sizes and positions to the objects.
     """
     remarks, seen = list(poses.remarks), view_members(poses.view)
-    more = {**(more or {}), **seen, **({"remarks": remarks} if remarks or seen else {})}
+    said = {"camera": camera_members(poses.view.camera), **tilt_members(poses.view)}
+    more = {**said, **(more or {}), **seen, **({"remarks": remarks} if remarks or seen else {})}
     each = [{**a, **b} for a, b in zip(each or [{}] * len(poses), _on_road(poses), strict=True)]
+    rows = zip(frame.objects, poses, each, poses.bboxes, boxes_3d(poses), strict=True)
     objects = [
         {
             "id": o.id,
             "model": o.model,
+            "bbox": _plain(given),
             **{name: _plain(value) for name, value in extra.items()},
             **{name: _plain(getattr(pose, name)) for name in WRITTEN},
+            "bbox_3d": _plain(box),
         }
-        for o, pose, extra in zip(frame.objects, poses, each, strict=True)
+        for o, pose, extra, given, box in rows
     ]
     time = {} if frame.time is None else {"time": frame.time}
     return json.dumps({"id": frame.id, **time, **more, "objects": objects}, allow_nan=False)
+
+
+def boxes_3d(poses: PoseBatch) -> FloatArray:
+    """(N, 2, 3) metres, the lowest and the highest corner of each estimated shape's 3D box in its object
+    frame; NaN without an answer."""
+    found = np.full((len(poses), 2, 3), np.nan)
+    for k in np.flatnonzero(poses.ok):
+        found[k] = poses.models[k].stretched_bbox_3d(poses.shape_coefficients[k])
+    return found
+
+
+def camera_members(camera: Camera) -> dict[str, Any]:
+    """A camera as frames have it."""
+    lens = {} if camera.distortion is None else {"distortion": list(camera.distortion), "lens": camera.lens}
+    size = {} if camera.image_size is None else {"image_size": list(camera.image_size)}
+    return {**{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}, **lens, **size}
 
 
 def tilt_members(view: View) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from difflib import get_close_matches
 from os import PathLike, fspath
 from pathlib import Path
@@ -73,17 +74,25 @@ class Network:
         metadata: all that the file says of itself, str to str (how it was trained, on what, how good).
     """
 
-    def __init__(self, path: str | PathLike[str] | None = None, threads: int | None = None) -> None:
+    def __init__(
+        self,
+        path: str | PathLike[str] | None = None,
+        threads: int | None = None,
+        providers: Sequence[str] | None = None,
+    ) -> None:
         """Load a network for `threads` threads (None: all cores).
 
         Args:
             path: a file, or the name of a bundled network: "default" (also None), the most accurate; "int8",
                 more than twice as fast; "float32", as good as "int8", for processors that are slow in 8 bits.
             threads: 1 or more, at most one for each core.
+            providers: what runs it, in order, by onnxruntime's names or their beginning: "cuda", "tensorrt",
+                "coreml", "openvino", "cpu"; the CPU runs what the others cannot. None: the CPU alone.
 
         Raises:
             OSError: no such file; the bundled one is not part of this installation.
-            InputError: not a network of ours, one with other keypoints, a damaged one.
+            InputError: not a network of ours, one with other keypoints, a damaged one, a provider that this
+                installation of onnxruntime does not have.
         """
         if path is not None and not isinstance(path, (str, PathLike)):
             raise type_error("path", "a path", path)
@@ -91,8 +100,8 @@ class Network:
         self.path = bundled(name) if name in BUNDLED else Path(name)
         if not self.path.exists():
             raise FileNotFoundError(2, _NOT_BUNDLED if name in BUNDLED else _no_file(name), str(self.path))
-        self._file = OnnxFile(self.path, threads)
-        self._threads = threads
+        self._file = OnnxFile(self.path, threads, providers)
+        self._threads, self._providers = threads, None if providers is None else tuple(providers)
         self.metadata = self._file.metadata
         self.version = self.metadata.get(FORMAT, "")
         if self.version not in OUTPUTS:
@@ -122,9 +131,9 @@ class Network:
             self._file.fail("numbers of `Certainty`", error, f"metadata {CERTAINTY!r}")
         return certainty
 
-    def __reduce__(self) -> tuple[type[Network], tuple[str, int | None]]:
+    def __reduce__(self) -> tuple[type[Network], tuple[str, int | None, tuple[str, ...] | None]]:
         """Pickled as the place of its file, which another process loads again."""
-        return Network, (str(self.path.resolve()), self._threads)
+        return Network, (str(self.path.resolve()), self._threads, self._providers)
 
     def __repr__(self) -> str:
         """File and size of a crop."""

@@ -12,8 +12,9 @@ from typing import Any, NoReturn
 
 from numpy.typing import NDArray
 
-from groundpose._checks import input_error, regular_file
+from groundpose._checks import input_error, regular_file, type_error
 from groundpose._checks import threads as checked_threads
+from groundpose._core import InputError
 
 _NO_TELEMETRY = "ORT_DISABLE_TELEMETRY"
 """onnxruntime reads this variable when it is loaded; without it, it writes an identifier of the machine and a
@@ -29,6 +30,39 @@ def runtime() -> ModuleType:
     return module
 
 
+CPU = "CPUExecutionProvider"
+_ENDING = "executionprovider"
+
+
+def execution_providers(wanted: Sequence[str] | None) -> list[str]:
+    """onnxruntime's names of what is to run networks, in order, with the CPU at the end, which runs what the
+    others cannot.
+
+    Args:
+        wanted: its names, "CUDAExecutionProvider", or their beginning in any case, "cuda"; None: the CPU.
+
+    Raises:
+        InputError: one that this installation of onnxruntime does not have, naming those that it has.
+        TypeError: no list of names.
+    """
+    if wanted is None:
+        return [CPU]
+    if isinstance(wanted, str) or not all(isinstance(name, str) for name in wanted):
+        raise type_error("providers", "a list of names of execution providers", wanted)
+    known = {name.lower().removesuffix(_ENDING): name for name in runtime().get_available_providers()}
+    found = []
+    for name in wanted:
+        short = name.lower().removesuffix(_ENDING)
+        if short not in known:
+            raise _no_provider(name, list(known.values()))
+        found.append(known[short])
+    return list(dict.fromkeys([*found, CPU]))
+
+
+def _no_provider(name: str, others: Sequence[str]) -> InputError:
+    return input_error("providers", f"execution providers of {', '.join(others)}", repr(name))
+
+
 class OnnxFile:
     """An ONNX file that is loaded, and its errors, which name it.
 
@@ -39,14 +73,20 @@ class OnnxFile:
         types: onnxruntime's of the inputs, "tensor(float)".
     """
 
-    def __init__(self, path: str | PathLike[str], threads: int | None = None) -> None:
-        """Load a file for `threads` threads (None: all cores).
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        threads: int | None = None,
+        providers: Sequence[str] | None = None,
+    ) -> None:
+        """Load a file for `threads` threads (None: all cores) and `execution_providers`.
 
         Raises:
-            OSError: no such file. InputError: not an ONNX file, a damaged one.
+            OSError: no such file. InputError: not an ONNX file, a damaged one, a provider that is not there
+                or does not start.
         """
         self.path = regular_file(path)
-        wanted = checked_threads(threads)
+        wanted, runs_on = checked_threads(threads), execution_providers(providers)
         self.path.open("rb").close()  # OSError in Python's own words
         ort = runtime()
         options = ort.SessionOptions()
@@ -55,7 +95,7 @@ class OnnxFile:
             options.intra_op_num_threads = wanted
         try:
             self._session = ort.InferenceSession(  # without a second try, which it would print
-                str(self.path), options, providers=["CPUExecutionProvider"], enable_fallback=0
+                str(self.path), options, providers=runs_on, enable_fallback=0
             )
             self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
             self.inputs, self.outputs = (
@@ -65,6 +105,10 @@ class OnnxFile:
             self.types = {node.name: str(node.type) for node in self._session.get_inputs()}
         except Exception as error:  # onnxruntime has its own class for each of a dozen kinds of damage
             self.fail("an ONNX network", _first_line(error))
+        started = self._session.get_providers()
+        for name in runs_on:  # onnxruntime goes on without one whose libraries it cannot load
+            if name not in started:
+                raise _no_provider(f"{name}, which does not start here", started)
 
     def fail(self, expected: str, got: object, where: str = "") -> NoReturn:
         """Raise the error of this file; `where` in it."""

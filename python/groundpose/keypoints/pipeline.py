@@ -133,6 +133,7 @@ class Pipeline:
         batch_size: int = 16,
         vehicle_threshold: float | None = None,
         classes: Mapping[str, str] | None = None,
+        providers: Sequence[str] | None = None,
         camera_state: CameraState | None = None,
     ) -> None:
         """Load everything once.
@@ -151,14 +152,19 @@ class Pipeline:
                 a vehicle.
             classes: names (or numbers, as text) of a detector's classes that are vehicles, `{"Kombi":
                 "car"}`, or none, `{"bus": "none"}`, beside the usual words (`groundpose.vehicles.words`).
+            providers: what runs the network, see `Network`; not beside a `Network`, which has its own.
             camera_state: what is known of the one camera of all images; it is the `frame` of every call and
                 grows with each, in the order of the calls, so that calls must not overlap.
 
         Raises:
             OSError: no such file. InputError: a file that is not ours, an unknown class, a model with
-                another number of keypoints. TypeError: an argument of another type.
+                another number of keypoints, a provider that is not there. TypeError: an argument of another
+                type.
         """
-        self.network = network if isinstance(network, Network) else Network(network, threads)
+        if isinstance(network, Network) and providers is not None:
+            raise input_error("providers", "None beside a Network, which has its own", providers)
+        self.network = network if isinstance(network, Network) else Network(network, threads, providers)
+        self.providers = providers
         if options is not None and not isinstance(options, Options):
             raise type_error("options", "Options", options)
         self.options = self.network.certainty.applied(options or Options())
