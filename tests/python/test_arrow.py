@@ -86,6 +86,8 @@ def test_a_batch_comes_back_from_pandas(vehicles):
     pytest.importorskip("pandas", reason="pandas is not installed")
     for poses in (mixed(), mixed(gp.FramePriors())):
         assert_equal(gp.PoseBatch.from_arrow(poses.to_pandas()), poses)
+    nothing = gp.estimate_poses(VIEW, [], None, MODEL)
+    assert len(gp.PoseBatch.from_arrow(nothing.to_pandas())) == 0
     frame = vehicles.to_pandas("street")
     assert frame["frame"].tolist() == ["street"] * len(vehicles)
     assert_equal(gp.VehiclePoses.from_arrow(frame), vehicles, without=("seconds", "ids"))

@@ -13,6 +13,7 @@ import groundpose as gp
 import numpy as np
 import pytest
 from fleet_frames import all_rows, keypoint_frame, same_rows, write_frames
+from groundpose.cli.inputs import is_table
 from groundpose.demo.street import IMAGE, example
 from groundpose.fleet import EstimateFrames
 from test_cli import one_line, run
@@ -164,7 +165,7 @@ def test_pictures_as_bytes_as_files_and_none():
     made = EstimateFrames(network="int8", folder=str(IMAGE.parent))(table)
     assert made.column("status").to_pylist()[4:] == ["bad_frame"] * 3
     said = made.column("message").to_pylist()[4:]
-    assert "No such file" in said[0]
+    assert said[0] == "none.jpg: No such file or directory"
     assert "expected a picture" in said[1]
     assert "its bytes, got null" in said[2]
     street = example()
@@ -305,6 +306,44 @@ def test_parts_that_cannot_be_read_are_named_and_the_others_done(tmp_path):
     assert "z.parquet: frames: expected the columns camera of frames" in found.stderr
     assert "1 frame could not be estimated" in found.stderr
     assert "2 of 3 parts, 3 frames, 2 objects, 2 poses" in found.stderr
+
+
+def test_a_network_that_is_none_is_no_frames_fault(tmp_path):
+    table = pictures([(None, IMAGE.read_bytes())])
+    (tmp_path / "none.onnx").write_bytes(b"none")
+    for network, kind in (("none.onnx", gp.InputError), ("missing.onnx", FileNotFoundError)):
+        with pytest.raises(kind):
+            EstimateFrames(network=str(tmp_path / network))(table)
+    parquet.write_table(table, tmp_path / "in.parquet")
+    asked = ("--network", tmp_path / "none.onnx")
+    refused = run("fleet", "estimate", tmp_path / "in.parquet", tmp_path / "out", *asked)
+    assert refused.exit_code == 2
+    assert not (tmp_path / "out").exists()
+    found = run("estimate", tmp_path / "in.parquet", "-o", tmp_path / "out.jsonl", *asked)
+    assert found.exit_code == 2, found.output
+
+
+def test_estimate_of_pictures_in_tables(tmp_path):
+    table = pictures([(None, IMAGE.read_bytes()), (None, b"GIF")])
+    parquet.write_table(table, tmp_path / "in.parquet")
+    found = run("estimate", tmp_path / "in.parquet", "-o", tmp_path / "out.csv", "--network", "int8")
+    assert found.exit_code == 1
+    assert "frame 1: image: expected a picture" in found.stderr
+    assert "1 frame, 2 vehicles, 2 poses" in found.stderr
+
+
+def test_a_folder_of_pictures_is_theirs_though_results_lie_in_it(tmp_path):
+    shutil.copy(IMAGE, tmp_path / "a.jpg")
+    (tmp_path / "poses.parquet").write_bytes(b"PAR1")
+    assert not is_table(tmp_path)
+    assert is_table(tmp_path / "poses.parquet")
+
+
+def test_ray_is_asked_for_in_words(source, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    refused = run("fleet", "estimate", source, tmp_path / "out", "--ray", "local")
+    assert refused.exit_code == 2
+    assert "pip install 'groundpose[fleet]'" in one_line(refused)
 
 
 def test_a_dry_run_says_what_there_is_to_do(source, tmp_path):

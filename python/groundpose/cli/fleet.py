@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,6 +22,7 @@ from groundpose.options import Options
 from groundpose.sizes import REGIONS, SizePrior
 
 if TYPE_CHECKING:
+    from groundpose.fleet.parts import Part
     from groundpose.fleet.run import Plan, Report
 
 app = typer.Typer(
@@ -137,11 +139,17 @@ def estimate(
             folder=str((source if source.is_dir() else source.parent).resolve()),
         )
         count = workers or cores()
+        if network is not None or detector is not None:
+            worker.load()  # what is wrong with them is said before any work
         if dry_run:
             _tell_plan(plan(worker, source, out), count)
             return
-        with bar() as progress:
-            report = run(worker, source, out, engine_of(ray.value, count), count, _Shown(progress))
+        try:
+            with bar() as progress:
+                report = run(worker, source, out, engine_of(ray.value, count), count, _Shown(progress))
+        except KeyboardInterrupt:
+            complain("interrupted; the same command goes on with the parts that are missing")
+            raise typer.Exit(130) from None
     raise typer.Exit(_tell(report, out))
 
 
@@ -151,10 +159,14 @@ class _Shown:
     def __init__(self, progress: Progress) -> None:
         """Nothing is done yet."""
         self.progress, self.task = progress, progress.add_task("parts", total=None)
+        self.begun, self.frames = time.monotonic(), 0
 
-    def __call__(self, part: object, done: int, parts: int) -> None:
+    def __call__(self, part: Part, done: int, parts: int) -> None:
         """One part more."""
-        self.progress.update(self.task, completed=done, total=parts)
+        self.frames += part.frames
+        rate = self.frames / (time.monotonic() - self.begun)
+        said = f"parts, {rate:.1f} frames/s"
+        self.progress.update(self.task, completed=done, total=parts, description=said)
 
 
 def _tell_plan(found: Plan, workers: int) -> None:

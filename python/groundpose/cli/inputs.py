@@ -189,10 +189,12 @@ def frame_companion(folder: Path, video_name: str, number: int) -> Path | None:
 
 
 def is_table(path: Path) -> bool:
-    """Whether it is a Parquet file, or a folder of them or of partitions."""
-    if path.is_dir():
-        return next(path.rglob("*.parquet"), None) is not None
-    return path.suffix.lower() == ".parquet"
+    """Whether it is a Parquet file, or a folder of them or of partitions; one with pictures is theirs."""
+    if not path.is_dir():
+        return path.suffix.lower() == ".parquet"
+    if any(map(is_picture, path.iterdir())):
+        return False
+    return next(path.rglob("*.parquet"), None) is not None
 
 
 def stamps(path: Path) -> list[str]:

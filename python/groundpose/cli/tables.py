@@ -77,6 +77,8 @@ class TableWork:
         if isinstance(row, BadRow):
             return InputError(f"{place}: {row.message}")
         row, pixels = replace(row, view=self.mounting.of(row.view)), None
+        if row.needs_picture:
+            self.estimate.load()  # whose errors are no frame's
         try:
             with blamed(place):
                 if row.needs_picture:

@@ -13,7 +13,7 @@ from typing import Any
 
 from groundpose._checks import input_error
 from groundpose._core import build_info
-from groundpose._writing import LOCK, whole_path, write_text
+from groundpose._writing import whole_path, write_text
 from groundpose.fleet.worker import FRAMES_AT_ONCE, EstimateFrames
 from groundpose.formats.arrow_poses import BAD_FRAME, NO_OBJECTS
 from groundpose.formats.arrow_schema import POSES, schema_of
@@ -23,6 +23,8 @@ MANIFEST = "_groundpose.json"
 """In the folder of the output: what decides its rows."""
 PART_KEY = b"groundpose.part"
 """In the metadata of an output file: which part of which input it is."""
+_OURS = ".groundpose"
+"""How locks and unfinished files begin."""
 _ROWS = 4096
 """Of a row group that is written."""
 
@@ -119,7 +121,7 @@ def claim(out: Path, source: Path, estimate: EstimateFrames) -> None:
             expected = f"poses with {name} {settings[name]}"
             raise input_error(str(out), expected, f"those of another run, with {stored.get(name)}")
         return
-    if out.is_dir() and any(entry.name != LOCK for entry in out.iterdir()):
+    if out.is_dir() and any(not entry.name.startswith(_OURS) for entry in out.iterdir()):
         raise input_error(str(out), "a new or empty folder, or one of such a run", "one with other files")
     out.mkdir(parents=True, exist_ok=True)
     write_text(manifest, json.dumps(settings, indent=1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
@@ -111,19 +112,28 @@ class EstimateFrames:
                 said[name] += f" of {found.st_size} bytes, {found.st_mtime_ns}"
         return said
 
+    def load(self) -> None:
+        """Load network and detector, unless this process has them. Raises OSError, InputError."""
+        _ = self._pipeline
+        if self.detector is not None:
+            _detector(self.detector, self.threads, self.detector_score)
+
     def _answers(self, table: Any) -> list[Answer]:
         return [self._answer(row) for row in frame_rows(table)]
 
     def _answer(self, row: FrameRow | BadRow) -> Answer:
         if isinstance(row, BadRow):
             return Answer(row.frame, None, row.message, row.time, row.image)
+        if row.needs_picture:
+            self.load()  # whose errors are no frame's
         try:
             with blamed(f"frame {row.frame}"):
                 poses = self.poses(row)
         except InputError as error:
             if isinstance(error.__cause__, (MemoryError, OSError)) and not _is_gone(error.__cause__):
                 raise error.__cause__ from None  # of the worker, not of the frame
-            return Answer(row.frame, None, str(error), row.time, row.image)
+            said = str(error).replace(f"{Path(self.folder)}{os.sep}", "")  # the same rows wherever it lies
+            return Answer(row.frame, None, said, row.time, row.image)
         given = row.objects or ()
         ids = [o.id for o in given] or None
         scores = [o.score for o in given] or None

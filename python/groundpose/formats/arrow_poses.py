@@ -226,10 +226,28 @@ def _as_table(given: Any) -> Any:
         if isinstance(given, list):
             return arrow.Table.from_pylist(given, schema=schema_of(POSES))
         if type(given).__name__ == "DataFrame" and hasattr(given, "columns"):
-            return arrow.Table.from_pandas(given, schema=schema_of(POSES), preserve_index=False)
+            return _of_pandas(given)
     except (arrow.ArrowException, KeyError, AttributeError) as error:
         raise input_error("poses", "the columns of `PoseBatch.to_arrow`", error) from None
     raise type_error("poses", "a pyarrow Table, a pandas DataFrame or records", given)
+
+
+def _of_pandas(given: Any) -> Any:
+    """pyarrow's own way makes nulls of all NaN, and pandas NaN of texts that are null."""
+    columns = {}
+    for field in schema_of(POSES):
+        values = list(given[field.name])
+        if field.type == arrow_type("string"):
+            values = [value if isinstance(value, str) else None for value in values]
+        columns[field.name] = package().array(values, type=field.type, from_pandas=False)
+    return package().table(columns, schema=schema_of(POSES).with_metadata(_metadata(given)))
+
+
+def _metadata(given: Any) -> dict[bytes, bytes]:
+    """What `PoseBatch.to_pandas` keeps of the schema's."""
+    kept = getattr(given, "attrs", {})
+    ours = {str(key): str(text) for key, text in kept.items() if str(key).startswith("groundpose.")}
+    return {**schema_of(POSES).metadata, **{key.encode(): text.encode() for key, text in ours.items()}}
 
 
 def _shared(table: Any) -> Mapping[str, Any]:
