@@ -274,8 +274,9 @@ def estimate(
                 topic=topic,
             )
         else:
-            for_images = for_files | {
+            for_images = {
                 "detector-score": detector_score,
+                **for_files,
                 "network": network,
                 "vehicle-threshold": vehicle_threshold,
                 "classes": classes or None,
