@@ -123,6 +123,38 @@ fn wide_lenses_there_and_back_without_allocation() {
     }
 }
 
+/// What is shown at a pixel is shown at that pixel, whatever the coefficients; numbers that are none do no harm.
+#[test]
+fn any_coefficients_that_are_allowed() {
+    let mut state = 1_u64;
+    let mut uniform = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let mut shown = 0;
+    for round in 0..4000 {
+        let (name, of) = Lens::MODELS[round % Lens::MODELS.len()];
+        let count = VALUES.iter().find(|row| row.0 == name).expect("a model").1.len();
+        let scale = 10.0_f64.powf(4.0 * uniform() - 3.0);
+        let coefficients: Vec<f64> = (0..count).map(|_| scale * (2.0 * uniform() - 1.0)).collect();
+        let lens = of(&coefficients).expect("coefficients");
+        let Ok(camera) = Camera::new(1.0, 1.0, 0.0, 0.0).expect("a camera").with_lens(lens) else { continue };
+        for _ in 0..40 {
+            let reach = 10.0_f64.powf(4.0 * uniform() - 2.0);
+            let pixel = [reach * (2.0 * uniform() - 1.0), reach * (2.0 * uniform() - 1.0)];
+            let Some(ray) = camera.direction_of(pixel) else { continue };
+            let back = camera.image_of(&ray).unwrap_or([f64::NAN; 2]);
+            let error = distance(back, pixel) / (1.0 + pixel[0].hypot(pixel[1]));
+            assert!(
+                (ray.norm() - 1.0).abs() < 1e-9 && error < 1e-6,
+                "{name} {coefficients:?} {pixel:?}: {ray} {back:?}"
+            );
+            shown += 1;
+        }
+    }
+    assert!(shown > 20_000, "{shown}");
+}
+
 /// `r (1 - 0.3 r^2 + k2 r^4)` grows up to r = 1.05 or 1.21; the second once more from 2.13 on.
 #[test]
 fn nothing_is_seen_beyond_the_fold() {

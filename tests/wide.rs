@@ -5,7 +5,7 @@ use groundpose::geometry::lens::equidistant::Equidistant;
 use groundpose::geometry::lens::omnidirectional::Omnidirectional;
 use groundpose::{
     Bbox, Camera, Estimate, Estimator, FixedWorkspace, Footprint, FrameAnswer, FrameObject, FramePriors, Lens, NoPose,
-    Observation, Options, Pose, ShapeModel, Tilt, View, Workspace, solve_frame,
+    Observation, Options, Pose, ShapeModel, Solver, Tilt, View, Workspace, solve_frame,
 };
 use nalgebra::Vector3;
 
@@ -111,8 +111,8 @@ fn bbox(view: &View, pose: &Pose) -> Option<Bbox> {
     });
     let mut sides = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     for [from, to] in edges {
-        for step in 0..=200 {
-            let along = f64::from(step) / 200.0;
+        for step in 0..=60 {
+            let along = f64::from(step) / 60.0;
             let point = [0, 1, 2].map(|axis| from[axis] + along * (to[axis] - from[axis]));
             let [u, v] = view.camera.image_of(&pose.transform(point))?;
             sides = [sides[0].min(u), sides[1].min(v), sides[2].max(u), sides[3].max(v)];
@@ -252,13 +252,17 @@ fn without_a_box_and_with_cut_sides() {
         let estimator = Estimator::new(options).expect("options");
         let alone = estimator.estimate(&wide, &observation, &mut FixedWorkspace::<16>::new()).expect("a pose");
         assert!(errors(&alone, &truth, &wide)[0] < 0.01, "{:?}", place.bearing);
-        // The image ends within the vehicle.
+        // The image ends within the vehicle: without its right side, with and without a height.
         wide.camera.image_size = Some([bbox.right + 1.0, 1400.0]);
-        let cut = estimator.estimate(&wide, &observation.with_bbox(bbox), &mut FixedWorkspace::<16>::new());
-        found += usize::from(cut.is_ok_and(|cut| errors(&cut, &truth, &wide)[0] < 0.01));
-        wide.camera.image_size = None;
+        for (height, solver) in [(None, Solver::Up2p), (Some(1.6), Solver::P1pHeight)] {
+            wide.height = height;
+            let cut = estimator.estimate(&wide, &observation.with_bbox(bbox), &mut FixedWorkspace::<16>::new());
+            let cut = cut.expect("a pose");
+            found += usize::from(errors(&cut, &truth, &wide)[0] < 0.01 && cut.solver == solver);
+        }
+        (wide.camera.image_size, wide.height) = (None, None);
     }
-    assert_eq!(found, 60);
+    assert_eq!(found, 120);
 }
 
 #[test]

@@ -25,14 +25,23 @@ from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
 from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
+    from groundpose.camera_profile import CameraProfile
     from groundpose.detector.detector import Detector
     from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+    from groundpose.self_calibration.calibrate import Calibration, calibrate
+    from groundpose.self_calibration.plane import Known
+    from groundpose.self_calibration.sightings import Sightings
 
 __version__: str = build_info()["version"]
 
 # What needs onnxruntime and the vehicles' models is imported when it is first asked for.
 _LAZY = {
+    "Calibration": "groundpose.self_calibration.calibrate",
+    "CameraProfile": "groundpose.camera_profile",
+    "Known": "groundpose.self_calibration.plane",
+    "Sightings": "groundpose.self_calibration.sightings",
+    "calibrate": "groundpose.self_calibration.calibrate",
     "Detector": "groundpose.detector.detector",
     "Network": "groundpose.keypoints.network",
     "Pipeline": "groundpose.keypoints.pipeline",
@@ -41,13 +50,16 @@ _LAZY = {
 
 __all__ = [
     "Alternatives",
+    "Calibration",
     "Camera",
+    "CameraProfile",
     "CameraState",
     "ClassSize",
     "Detector",
     "EstimatedView",
     "FramePriors",
     "InputError",
+    "Known",
     "Network",
     "Options",
     "Pipeline",
@@ -55,6 +67,7 @@ __all__ = [
     "PoseBatch",
     "SeenVehicles",
     "ShapeModel",
+    "Sightings",
     "SizePrior",
     "TrackOptions",
     "Tracker",
@@ -63,6 +76,7 @@ __all__ = [
     "View",
     "__version__",
     "build_info",
+    "calibrate",
     "estimate_poses",
     "region_radius2",
 ]

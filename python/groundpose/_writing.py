@@ -116,8 +116,9 @@ def only_writer(path: AnyPath) -> Iterator[None]:
     name = target / LOCK if target.is_dir() else target.with_name(f".{target.name}.lock")
     with naming(path, name):
         held = _hold(name, path)
-    left = _PART.format("*", "*") if target.is_dir() else _PART.format(_short(target), "*")
-    for part in name.parent.glob(left):  # of a run that was killed: the lock is ours now
+    # Of a run that was killed: the lock is ours now, and so is all below the folder.
+    left = "**/" + _PART.format("*", "*") if target.is_dir() else _PART.format(_short(target), "*")
+    for part in name.parent.glob(left):
         part.unlink(missing_ok=True)
     try:
         yield

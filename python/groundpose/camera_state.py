@@ -18,6 +18,10 @@ from groundpose.frame import FramePriors, remarks
 from groundpose.sizes import ClassSize, SizePrior
 from groundpose.types import Camera, View
 
+CONFLICT = 1.2
+"""Standard deviations between the nominal height and the vehicles of all frames from which there is a remark.
+So little of each frame's information is taken that at right heights they disagree by half a one, root mean
+square."""
 _VERSION = 1
 _CLASSES = 3
 """Numbers before those of the classes: pitch, roll, log height."""
@@ -27,8 +31,8 @@ class CameraState:
     """Height and mean tilt of a camera and the sizes of the vehicles before it, learned from the frames that
     are estimated with `frame=` this state.
 
-    A tenth of each frame's information is taken: frames of a drive show the same vehicles. Without a height
-    only the tilt is learned.
+    A small part of each frame's information is taken: frames of a drive show the same vehicles. Without a
+    height only the tilt is learned.
 
     >>> view = gp.View(gp.Camera(fx=1000, fy=1000, cx=640, cy=360), height=1.65)
     >>> state = gp.CameraState(view, gp.FramePriors(size=gp.SizePrior.region("europe")))
@@ -82,7 +86,7 @@ class CameraState:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What looks wrong in the nominal view, from all frames."""
-        return remarks(np.nan if self._conflict is None else self._conflict)
+        return remarks(np.nan if self._conflict is None else self._conflict, CONFLICT)
 
     def start_drive(self) -> None:
         """The mean tilt is open again: another drive, or the camera was touched. Height and sizes stay."""
@@ -153,7 +157,7 @@ class CameraState:
         return state
 
 
-_KEPT = ("pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope")
+_KEPT = ("pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope", "curvature")
 
 
 def _stored_view(content: dict[str, Any]) -> View:

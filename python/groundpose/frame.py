@@ -16,7 +16,7 @@ from groundpose.sizes import SizePrior
 from groundpose.types import View
 
 _DEFAULTS = _core.default_frame_priors()
-_SIGMAS = ("pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope")
+_SIGMAS = ("pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope", "curvature")
 
 CONFLICT = 2.0
 """Standard deviations between the nominal height and the vehicles from which there is a remark."""
@@ -33,6 +33,8 @@ class FramePriors(Value):
         roughness: metres, of the road under a vehicle about the plane through all.
         slope: radians, the same in proportion to the distance.
         size: how large vehicles are; None: as large as their shape models, within 8 %.
+        curvature: 1 / metres, how the road bends up and down: the plane is off by half of it times the
+            squared distance.
 
     Raises:
         InputError: a standard deviation that is not positive or absurdly large. TypeError: not a number.
@@ -44,6 +46,7 @@ class FramePriors(Value):
     roughness: float = _DEFAULTS["roughness"]
     slope: float = _DEFAULTS["slope"]
     size: SizePrior | None = None
+    curvature: float = _DEFAULTS["curvature"]
     _prior: SizePrior = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -114,12 +117,13 @@ class EstimatedView(View):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What looks wrong in the nominal view."""
-        return remarks(self.height_conflict)
+        return remarks(self.height_conflict, CONFLICT)
 
 
-def remarks(height_conflict: float) -> tuple[str, ...]:
-    """What is to be said when vehicles and nominal height disagree by so many standard deviations."""
-    if not abs(height_conflict) > CONFLICT:
+def remarks(height_conflict: float, least: float) -> tuple[str, ...]:
+    """What is to be said when vehicles and nominal height disagree by more than `least` standard
+    deviations."""
+    if not abs(height_conflict) > least:
         return ()
     where = "higher" if height_conflict > 0.0 else "lower"
     by = f"{abs(height_conflict):.1f} standard deviations"

@@ -41,7 +41,7 @@ def camera_remarks(view: View) -> list[str]:
                 f"principal point: ({camera.cx:g}, {camera.cy:g}) is far off the middle ({middle[0]:g}, "
                 f"{middle[1]:g}) of the image; a camera of another image size?"
             )
-        field, widest = _field_deg(camera, width)
+        field, widest = _field_deg(camera, width, height)
         if not NARROWEST_DEG <= field <= widest:
             said.append(
                 f"field of view: {field:.1f} deg across; is the focal length in pixels of this image?"
@@ -51,11 +51,14 @@ def camera_remarks(view: View) -> list[str]:
     return said
 
 
-def _field_deg(camera: Camera, width: int) -> tuple[float, float]:
-    """Degrees across the picture, and how many there can be; the most, where the lens ends within it."""
+def _field_deg(camera: Camera, width: int, height: int) -> tuple[float, float]:
+    """Degrees across the picture, and how many there can be; the most, where the lens ends within it.
+
+    The circle that a fisheye draws may be narrower than the picture, rarely lower.
+    """
     if camera.distortion is None or not LENSES[camera.lens].is_wide:
         return math.degrees(2.0 * math.atan(0.5 * width / camera.fx)), WIDEST_DEG
-    ends = np.array([[-0.5, camera.cy], [width - 0.5, camera.cy]])
+    ends = np.array([[camera.cx, -0.5], [camera.cx, height - 0.5]])
     angles = np.arccos(np.clip(camera.directions_of(ends)[:, 2], -1.0, 1.0))
     across = float(np.degrees(angles.sum()))
     return WIDEST_FISHEYE_DEG if math.isnan(across) else across, WIDEST_FISHEYE_DEG

@@ -171,7 +171,8 @@ class View(Value):
         pitch: radians, positive when the optical axis points above the horizon, which then lies
             at row `cy + fy * tan(pitch)`.
         roll: radians, rotation of the camera about its optical axis.
-        height: metres of the camera above the ground, if known.
+        height: metres of the camera above the ground, if known: used with `frame=`, where all vehicles stand
+            on one road, by solver "p1p_height", and for boxes that the image cuts on one side.
 
     Raises:
         InputError: an angle or height that cannot be. TypeError: not a number.

@@ -9,7 +9,8 @@
 //! I_\mu = (1 + I F)^{-1} I, \qquad y_\mu = (1 + I F)^{-1} y ,
 //! ```
 //!
-//! of which a tenth is taken: the same vehicles and the same errors of a network are in many frames.
+//! of which a small part is taken: the same vehicles and the same errors of a network are in many frames. What the priors
+//! tell of a frame is the sum of both, so that the first frame is solved as if it were alone.
 
 use core::ops::Range;
 
@@ -22,7 +23,7 @@ use crate::estimate::frame_object::FrameObject;
 use crate::estimate::frame_priors::FramePriors;
 use crate::geometry::math::square;
 use crate::geometry::view::View;
-use crate::tuning::{CARRIED_INFORMATION, HEIGHT_OF_FRAMES, PITCH_OF_FRAMES, ROLL_OF_FRAMES};
+use crate::tuning::{CARRIED_INFORMATION, HEIGHT_OF_FRAMES, MOST_OF_FRAMES, PITCH_OF_FRAMES, ROLL_OF_FRAMES};
 
 /// Numbers of a [`CameraState`]: mean pitch, roll, log height over the nominal one, log sizes.
 ///
@@ -45,7 +46,7 @@ pub const CAMERA_NUMBERS: usize = UNKNOWNS;
 /// let truth = View::new(camera, Tilt { pitch: -0.0175, roll: 0.0 })?;
 /// let covariance = PoseCovariance::identity() * 1e-3;
 /// let mut answers = [FrameAnswer::default(); 2];
-/// for k in 0..50 {
+/// for k in 0..1000 {
 ///     let z = 10.0 + f64::from(k % 7) * 4.0;
 ///     let cars = [[-3.0, z], [3.0, z + 8.0]].map(|[x, z]| {
 ///         FrameObject::new(Pose::upright(&truth, 0.0, [x, 1.5, z].into()), covariance, [0.0; 3], 0).unwrap()
@@ -73,7 +74,7 @@ impl CameraState {
     /// Priors or a height that cannot be.
     pub fn new(view: &View, priors: FramePriors) -> Result<Self, InputError> {
         priors.check(view)?;
-        let Knowledge { mean, covariance } = Knowledge::of(view, &priors);
+        let Knowledge { mean, covariance } = at_first(view, &priors);
         Ok(Self { view: *view, priors, mean, covariance })
     }
 
@@ -127,7 +128,7 @@ impl CameraState {
     /// ```
     #[must_use]
     pub fn height_conflict(&self) -> Option<f64> {
-        let first = Knowledge::of(&self.view, &self.priors);
+        let first = at_first(&self.view, &self.priors);
         conflict(&self.view, &first, &self.mean, &self.covariance)
     }
 
@@ -138,7 +139,7 @@ impl CameraState {
 
     /// Nothing is known of some unknowns but what was known at first.
     fn forget(&mut self, unknowns: Range<usize>) {
-        let first = Knowledge::of(&self.view, &self.priors);
+        let first = at_first(&self.view, &self.priors);
         for k in unknowns {
             self.mean[k] = first.mean[k];
             self.covariance.row_mut(k).fill(0.0);
@@ -154,7 +155,7 @@ impl CameraState {
     /// # Errors
     /// Not one answer per object.
     pub fn solve(&mut self, objects: &[FrameObject], answers: &mut [FrameAnswer]) -> Result<Frame, InputError> {
-        let between_frames = between_frames();
+        let between_frames = between_frames(&self.view, &self.priors);
         let known = Knowledge { mean: self.mean, covariance: self.covariance + between_frames };
         let (frame, found) = solve_from(&self.view, &self.priors, &known, objects, answers)?;
         if let Some((mean, covariance)) = self.learned(&known, &found, &between_frames) {
@@ -182,8 +183,15 @@ impl CameraState {
 }
 
 /// How frames of one camera differ: its car brakes, loads and rolls. Sizes of classes do not.
-fn between_frames() -> Between {
+fn between_frames(view: &View, priors: &FramePriors) -> Between {
     let mut sigmas = Unknowns::zeros();
     (sigmas[PITCH], sigmas[ROLL], sigmas[HEIGHT]) = (PITCH_OF_FRAMES, ROLL_OF_FRAMES, HEIGHT_OF_FRAMES);
-    Between::from_diagonal(&sigmas.map(square))
+    let told = Knowledge::of(view, priors).covariance.diagonal();
+    Between::from_diagonal(&sigmas.map(square).zip_map(&told, |between, all| between.min(MOST_OF_FRAMES * all)))
+}
+
+/// What is known of a camera before its first frame.
+fn at_first(view: &View, priors: &FramePriors) -> Knowledge {
+    let Knowledge { mean, covariance } = Knowledge::of(view, priors);
+    Knowledge { mean, covariance: covariance - between_frames(view, priors) }
 }

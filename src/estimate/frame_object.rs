@@ -7,8 +7,11 @@
 //!
 //! ```math
 //! z = \log \frac{n \cdot c}{h}, \qquad
-//! \sigma^2 = \Bigl( \frac{\sigma_\text{roughness}}{h} \Bigr)^2 + \Bigl( \frac{\sigma_\text{slope} \lVert c \rVert}{h} \Bigr)^2 .
+//! \sigma^2 = \Bigl( \frac{\sigma_\text{roughness}}{h} \Bigr)^2 + \Bigl( \frac{\sigma_\text{slope} \lVert c \rVert}{h} \Bigr)^2
+//!     + \Bigl( \frac{\sigma_\text{curvature} \lVert c_\parallel \rVert^2}{2 h} \Bigr)^2
 //! ```
+//!
+//! with $`c_\parallel`$ along the road.
 //!
 //! With $`J`$ the derivative of $`z`$ by $`x`$ the contact is a scalar measurement of variance $`\sigma^2 + J P J^T`$ of
 //! the frame: the Schur complement of the object in the normal equations of everything, without a matrix to invert.
@@ -98,6 +101,13 @@ impl Road {
     pub(crate) fn below(&self, point: &Vector3<f64>) -> f64 {
         self.normal.dot(point)
     }
+
+    /// Variance of the road under a point about the plane, square metres.
+    fn unevenness(&self, point: &Vector3<f64>, priors: &FramePriors) -> f64 {
+        let squared = point.norm_squared();
+        let bend = 0.5 * priors.curvature * (squared - square(self.below(point)));
+        square(priors.roughness) + square(priors.slope) * squared + square(bend)
+    }
 }
 
 /// The contact of an object, linearised, as a measurement of the frame.
@@ -154,11 +164,10 @@ impl FrameObject {
         let by_pose = by_object.fixed_rows::<6>(0);
         gain.fixed_rows_mut::<6>(0).copy_from(&(self.covariance * by_pose));
         gain[6] = square(priors.scales[self.class].own_sigma) * by_object[6];
-        let unevenness = square(priors.roughness) + square(priors.slope) * bottom.norm_squared();
         Contact {
             innovation: log(below / road.height) + by_object.dot(&(Self::start(log_size) - x)),
             row: by_frame,
-            variance: unevenness / square(road.height) + by_object.dot(&gain),
+            variance: road.unevenness(&bottom, priors) / square(road.height) + by_object.dot(&gain),
             gain,
         }
     }

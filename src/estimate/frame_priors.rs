@@ -5,8 +5,8 @@ use core::f64::consts::FRAC_PI_2;
 use crate::error::{Got, InputError, require};
 use crate::geometry::view::View;
 use crate::tuning::{
-    CLASS_SIZE_SIGMA, FRAME_PITCH_SIGMA, FRAME_ROLL_SIGMA, HEIGHT_SIGMA, HEIGHTS, OWN_SIZE_SIGMA, ROAD_ROUGHNESS,
-    ROAD_SLOPE, UNKNOWN_HEIGHT_SIGMA,
+    CLASS_SIZE_SIGMA, FRAME_PITCH_SIGMA, FRAME_ROLL_SIGMA, HEIGHT_SIGMA, HEIGHTS, OWN_SIZE_SIGMA, ROAD_CURVATURE,
+    ROAD_ROUGHNESS, ROAD_SLOPE, UNKNOWN_HEIGHT_SIGMA,
 };
 
 /// Most classes with a size of their own.
@@ -64,6 +64,9 @@ pub struct FramePriors {
     pub roughness: f64,
     /// The same in proportion to the distance, radians.
     pub slope: f64,
+    /// How the road bends up and down, 1 / metres: under a vehicle it is off the plane by half of it times the squared
+    /// distance.
+    pub curvature: f64,
     /// The sizes of each class.
     pub scales: [ScalePrior; MAX_CLASSES],
 }
@@ -76,6 +79,7 @@ impl Default for FramePriors {
             height_sigma: HEIGHT_SIGMA,
             roughness: ROAD_ROUGHNESS,
             slope: ROAD_SLOPE,
+            curvature: ROAD_CURVATURE,
             scales: [ScalePrior::default(); MAX_CLASSES],
         }
     }
@@ -107,6 +111,7 @@ impl FramePriors {
             ("height_sigma", fraction, self.height_sigma, 1.0),
             ("roughness", "metres above 0, at most 1", self.roughness, 1.0),
             ("slope", angle, self.slope, FRAC_PI_2),
+            ("curvature", "1 / metres above 0, at most 1", self.curvature, 1.0),
         ];
         let own = scale(|s| s.own_sigma).map(|x| ("own_sigma", fraction, x, 1.0));
         let class = scale(|s| s.sigma).map(|x| ("sigma", fraction, x, 1.0));

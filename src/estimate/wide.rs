@@ -43,11 +43,13 @@ pub(crate) fn estimate_wide(
     for (pixel, &distorted) in pixels.iter_mut().zip(observation.keypoints_2d()) {
         *pixel = local.pixel(&view.camera, distorted).unwrap_or([f64::NAN; 2]);
     }
-    let given = observation.bbox().map(|bbox| view.uncut_bbox(bbox));
+    let usable = observation.bbox().map(|bbox| view.uncut_bbox(bbox));
     let mut pass = |sides: Option<Bbox>| {
         estimate_ideal(&local.view, &observation.seen_ideally(pixels, sides), options, index, buffers.lend())
     };
-    let middles = given.map(|given| local.bbox(&view.camera, given));
+    let middles = usable.map(|usable| local.bbox(&view.camera, usable));
+    // A side whose middle the lens does not show is cut by the end of the picture.
+    let given = usable.zip(middles).map(|(usable, middles)| usable.known_where(&middles));
     let mut answer = pass(middles);
     let found = answer.as_ref().ok().zip(given);
     let touching = found.and_then(|(found, given)| touching_sides(&view.camera, &local, observation, found, given));

@@ -49,6 +49,17 @@ impl Bbox {
         longer.is_finite().then_some(longer)
     }
 
+    /// The box without the sides that another one does not know.
+    pub(crate) fn known_where(&self, other: &Self) -> Self {
+        let unless = |other: f64, side: f64| if other.is_nan() { other } else { side };
+        Self {
+            left: unless(other.left, self.left),
+            top: unless(other.top, self.top),
+            right: unless(other.right, self.right),
+            bottom: unless(other.bottom, self.bottom),
+        }
+    }
+
     /// Column and row of its middle; NaN where a side is not known.
     pub(crate) fn middle(&self) -> [f64; 2] {
         [0.5 * (self.left + self.right), 0.5 * (self.top + self.bottom)]

@@ -21,7 +21,7 @@ use crate::geometry::view::{Tilt, View};
 use crate::refine::covariance::PoseCovariance;
 
 /// The standard deviations of `FramePriors` in order, and (mean, standard deviation of it, of a vehicle) of each class.
-pub(crate) const SIGMAS: [&str; 5] = ["pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope"];
+pub(crate) const SIGMAS: [&str; 6] = ["pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope", "curvature"];
 
 /// What a `CameraState` carries: its mean, and the rows of its covariance.
 type Carried<'py> = (PyReadonlyArray1<'py, f64>, PyReadonlyArray2<'py, f64>);
@@ -34,7 +34,7 @@ type Carried<'py> = (PyReadonlyArray1<'py, f64>, PyReadonlyArray2<'py, f64>);
 pub(crate) fn solve_frame<'py>(
     py: Python<'py>,
     view: &PyView,
-    sigmas: [f64; 5],
+    sigmas: [f64; 6],
     scales: PyReadonlyArray2<'py, f64>,
     classes: Vec<usize>,
     bottom_centres: PyReadonlyArray2<'py, f64>,
@@ -81,7 +81,7 @@ pub(crate) fn solve_frame<'py>(
 pub(crate) fn camera_state<'py>(
     py: Python<'py>,
     view: &PyView,
-    sigmas: [f64; 5],
+    sigmas: [f64; 6],
     scales: PyReadonlyArray2<'py, f64>,
     carried: Option<Carried<'py>>,
     another_drive: bool,
@@ -119,7 +119,8 @@ fn add_state(dict: &Bound<'_, PyDict>, state: &CameraState) -> PyResult<()> {
 #[pyfunction]
 pub(crate) fn default_frame_priors(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let (priors, scale) = (FramePriors::default(), ScalePrior::default());
-    let values = [priors.pitch_sigma, priors.roll_sigma, priors.height_sigma, priors.roughness, priors.slope];
+    let values =
+        [priors.pitch_sigma, priors.roll_sigma, priors.height_sigma, priors.roughness, priors.slope, priors.curvature];
     let dict = PyDict::new(py);
     for (name, value) in SIGMAS.into_iter().zip(values) {
         dict.set_item(name, value)?;
@@ -131,13 +132,13 @@ pub(crate) fn default_frame_priors(py: Python<'_>) -> PyResult<Bound<'_, PyDict>
 
 /// Whether priors can be, before there is a frame.
 #[pyfunction]
-pub(crate) fn check_frame_priors(sigmas: [f64; 5], scales: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+pub(crate) fn check_frame_priors(sigmas: [f64; 6], scales: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
     let any_view = View::new(Camera::new(1.0, 1.0, 0.0, 0.0)?, Tilt::default())?;
     Ok(priors(sigmas, rows::<3, _>("scales", &scales)?)?.check(&any_view)?)
 }
 
 fn priors(
-    [pitch_sigma, roll_sigma, height_sigma, roughness, slope]: [f64; 5],
+    [pitch_sigma, roll_sigma, height_sigma, roughness, slope, curvature]: [f64; 6],
     rows: &[[f64; 3]],
 ) -> PyResult<FramePriors> {
     let mut scales = [ScalePrior::default(); MAX_CLASSES];
@@ -147,7 +148,7 @@ fn priors(
     for (scale, &[log_mean, sigma, own_sigma]) in scales.iter_mut().zip(rows) {
         *scale = ScalePrior { log_mean, sigma, own_sigma };
     }
-    Ok(FramePriors { pitch_sigma, roll_sigma, height_sigma, roughness, slope, scales })
+    Ok(FramePriors { pitch_sigma, roll_sigma, height_sigma, roughness, slope, curvature, scales })
 }
 
 fn add_frame(dict: &Bound<'_, PyDict>, frame: &Frame) -> PyResult<()> {

@@ -177,6 +177,9 @@ impl<'a> Stack<'a> {
     }
 }
 
+/// A column of numbers: its name, and what it holds of a row.
+type Column = (&'static str, fn(&TrackRow) -> f64);
+
 /// Rows as columns by name.
 fn columns<'py>(py: Python<'py>, rows: &[TrackRow]) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
@@ -186,7 +189,7 @@ fn columns<'py>(py: Python<'py>, rows: &[TrackRow]) -> PyResult<Bound<'py, PyDic
     dict.set_item("class", whole(|row| row.class as i64))?;
     dict.set_item("index", whole(|row| row.sighting.map_or(-1, |k| k as i64)))?;
     dict.set_item("standing", rows.iter().map(|row| row.standing).collect::<Vec<bool>>().into_pyarray(py))?;
-    let numbers: [(&str, fn(&TrackRow) -> f64); 10] = [
+    let numbers: [Column; 10] = [
         ("time", |row| row.time),
         ("heading", |row| row.heading),
         ("heading_sigma", |row| row.heading_sigma),

@@ -103,9 +103,11 @@ pub(crate) fn covariance(
         0 => inverse::<6>(objective, state, errors.factor),
         5 => inverse::<11>(objective, state, errors.factor),
         _ => inverse::<{ 6 + MAX_MODES }>(objective, state, errors.factor),
-    }?;
-    errors.widen(&mut found.0, objective.view, &state.pose.t);
-    Some(found)
+    };
+    if let Some((pose, ..)) = &mut found {
+        errors.widen(pose, objective.view, &state.pose.t);
+    }
+    found
 }
 
 /// A call of its own, as [`Objective::linearise_keypoints`]: matrices of one size at a time are on the stack.

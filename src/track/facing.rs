@@ -25,7 +25,7 @@ const MOST_FROM_MOTION: f64 = 12.0;
 /// facing.see(-1.0, 0.1, 1.0); // a picture of it turned round, wrong with a probability of 0.1
 /// assert!(facing.probability() < 0.11);
 /// facing.drive(8.0, 0.4); // along the axis
-/// assert!(facing.probability() > 0.99);
+/// assert!(facing.probability() > 0.99 && facing.side() == 1.0);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Facing {

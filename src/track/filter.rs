@@ -44,7 +44,9 @@ const MOVED_OFF: (f64, f64) = (16.0, 0.7);
 /// Standard deviation of its velocity then.
 const MOVING_OFF_SIGMA: f64 = 3.0;
 /// What a wrong axis, and a front in place of a rear, say at most against a pair.
+#[cfg(feature = "std")]
 const MOST_OF_AXIS: f64 = 3.0;
+#[cfg(feature = "std")]
 const LEAST_FACING: f64 = 0.08;
 /// Errors of poses have tails at least and at most as heavy as Student's t with so many degrees of freedom.
 const DOF: (f64, f64) = (3.0, 8.0);
@@ -176,6 +178,7 @@ impl VehicleFilter {
         seen.other.map_or(f64::INFINITY, |(other, _)| away(&other)).min(away(&seen.reading))
     }
 
+    #[cfg(feature = "std")]
     /// How badly something seen agrees with where it is and faces: the squared statistical distance of the places, and
     /// costs of the axis and of which way it faces.
     pub(crate) fn disagreement(&self, camera: Camera2, seen: &Sighting) -> (f64, f64) {
@@ -310,7 +313,7 @@ impl VehicleFilter {
         let dof = seen.error_dof.clamp(DOF.0, DOF.1);
         let s = m.by_state * self.belief.covariance * m.by_state.transpose() + m.noise;
         let place = self.place_distance2(&m).1;
-        let weight = |d2: f64, n: f64| ((dof + n) / (dof + d2)).min(1.0).max(1e-6);
+        let weight = |d2: f64, n: f64| ((dof + n) / (dof + d2)).clamp(1e-6, 1.0);
         let (of_place, of_heading) = (weight(place, 2.0), weight(square(m.residual[2]) / s[(2, 2)], 1.0));
         let less = Vector3::new(of_place, of_place, of_heading).map(|w| 1.0 / sqrt(w));
         m.noise = Matrix3::from_diagonal(&less) * m.noise * Matrix3::from_diagonal(&less);

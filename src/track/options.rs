@@ -9,6 +9,7 @@ use crate::error::{Got, InputError, require};
 ///
 /// assert_eq!(TrackOptions::default().camera_motion, CameraMotion::Static);
 /// assert_eq!(CameraMotion::NAMES[CameraMotion::Unknown as usize], "unknown");
+/// assert_eq!(CameraMotion::ALL[1], CameraMotion::Odometry);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]

@@ -74,7 +74,7 @@ fn without_a_height_only_the_tilt_is_carried() {
     let nominal = View { height: None, ..nominal };
     let mut state = CameraState::new(&nominal, FramePriors::default()).unwrap();
     let first = state;
-    for _ in 0..40 {
+    for _ in 0..150 {
         let scene = camera_scene(&mut random, &nominal, &truth, &sizes);
         let mut answers = vec![FrameAnswer::default(); scene.objects.len()];
         let frame = state.solve(&scene.frame_objects(), &mut answers).unwrap();

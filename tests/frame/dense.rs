@@ -140,7 +140,8 @@ fn add_contact(
     let of_object = by_pose.dot(&(covariance * by_pose)) + own * row[first + 6].powi(2);
     let metres = height * unknowns[2].exp();
     let distance = bottom(scene, k, &unknowns[first..first + 7]).norm();
-    let even = (priors.roughness.powi(2) + (priors.slope * distance).powi(2)) / metres.powi(2);
+    let bend = 0.5 * priors.curvature * (distance.powi(2) - (metres * z.exp()).powi(2));
+    let even = (priors.roughness.powi(2) + (priors.slope * distance).powi(2) + bend.powi(2)) / metres.powi(2);
     // The innovation: the contact if the object were where its own estimate is.
     let back: f64 = (0..6).map(|a| row[first + a] * unknowns[first + a]).sum();
     let innovation = z - back + row[first + 6] * (unknowns[at] - unknowns[first + 6]);

@@ -68,8 +68,14 @@ fn sure_objects_show_an_exact_road() {
             FrameObject::new(pose, PoseCovariance::identity() * 1e-8, [0.0, 0.2, 0.0], 0).unwrap()
         })
         .into();
-    let mut priors =
-        FramePriors { roughness: 1e-4, slope: 1e-6, pitch_sigma: 0.1, roll_sigma: 0.1, ..FramePriors::default() };
+    let mut priors = FramePriors {
+        roughness: 1e-4,
+        slope: 1e-6,
+        curvature: 1e-9,
+        pitch_sigma: 0.1,
+        roll_sigma: 0.1,
+        ..FramePriors::default()
+    };
     priors.height_sigma = 0.2;
     priors.scales[0] = ScalePrior { log_mean: 0.0, sigma: 1e-6, own_sigma: 1e-6 };
     let mut answers = vec![FrameAnswer::default(); objects.len()];
@@ -247,6 +253,7 @@ fn mistakes_are_named() {
         assert_eq!(refused(view, FramePriors { height_sigma: x, ..default }), "height_sigma");
         assert_eq!(refused(view, FramePriors { roughness: x, ..default }), "roughness");
         assert_eq!(refused(view, FramePriors { slope: x, ..default }), "slope");
+        assert_eq!(refused(view, FramePriors { curvature: x, ..default }), "curvature");
         let scales = |prior| FramePriors { scales: [prior; MAX_CLASSES], ..default };
         assert_eq!(refused(view, scales(ScalePrior { sigma: x, ..ScalePrior::default() })), "sigma");
         assert_eq!(refused(view, scales(ScalePrior { own_sigma: x, ..ScalePrior::default() })), "own_sigma");

@@ -33,11 +33,11 @@ impl Scene {
         Self::with(random, objects, nominal, priors, [6.0, 45.0])
     }
 
-    /// A camera above a road, whose tilt is known to three degrees.
+    /// A camera above a road that hardly bends, whose tilt is known to three degrees.
     pub fn road_side(random: &mut Random, objects: usize) -> Self {
         let tilt = Tilt { pitch: random.between(-0.5, -0.2), roll: 0.0 };
         let sigma = 3.0_f64.to_radians();
-        let priors = FramePriors { pitch_sigma: sigma, roll_sigma: sigma, ..FramePriors::default() };
+        let priors = FramePriors { pitch_sigma: sigma, roll_sigma: sigma, curvature: 2e-5, ..FramePriors::default() };
         let nominal = View::new(camera(), tilt).unwrap().with_height(7.0).unwrap();
         Self::with(random, objects, nominal, priors, [10.0, 50.0])
     }
@@ -84,7 +84,9 @@ impl Scene {
     fn add(&mut self, random: &mut Random, class: usize, log_size: f64, [x, z]: [f64; 2]) {
         let height = self.truth.height.unwrap();
         let distance = Vector3::new(x, height, z).norm();
-        let unevenness = (self.priors.roughness.powi(2) + (self.priors.slope * distance).powi(2)).sqrt() / height;
+        let bend = 0.5 * self.priors.curvature * x.hypot(z).powi(2);
+        let unevenness =
+            (self.priors.roughness.powi(2) + (self.priors.slope * distance).powi(2) + bend.powi(2)).sqrt() / height;
         let y = height * (unevenness * random.normal()).exp();
         // The bottom centre of the object, as large as it is, stands on the road.
         let mut pose = Pose::upright(&self.truth, random.between(-3.0, 3.0), [x, y, z].into());

@@ -17,7 +17,7 @@ from groundpose.vehicles import shape_model
 MODEL = "car"
 SOLVERS = ("p1p", "p3p", "up2p")
 # no arrays of numbers, or what was given
-_NOT_ANSWERS = ("view", "models", "keypoints_2d", "bboxes")
+_NOT_ANSWERS = ("view", "nominal_view", "nominal_tilt_sigma", "models", "keypoints_2d", "bboxes")
 
 
 def digest(arrays: Iterable[Any]) -> str:

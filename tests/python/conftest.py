@@ -103,13 +103,10 @@ def rotation_error_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.degrees(np.arccos(np.clip(0.5 * (np.einsum("nij,nij->n", a, b) - 1.0), -1.0, 1.0)))
 
 
+_NOT_BY_OBJECT = {"view", "nominal_view", "nominal_tilt_sigma", "tilt_covariance", "error_dof"}
+_GIVEN = {"keypoints_2d", "bboxes", "models", "scale_covariance"}
 # Result arrays of a batch, for comparisons bit for bit.
-ARRAYS = tuple(
-    name
-    for name in gp.PoseBatch.__dataclass_fields__
-    if name
-    not in ("view", "tilt_covariance", "keypoints_2d", "bboxes", "models", "error_dof", "scale_covariance")
-)
+ARRAYS = tuple(name for name in gp.PoseBatch.__dataclass_fields__ if name not in _NOT_BY_OBJECT | _GIVEN)
 
 
 def assert_same(a: gp.PoseBatch, b: gp.PoseBatch) -> None:

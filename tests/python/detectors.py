@@ -217,12 +217,12 @@ def write(
     dtype: int = FLOAT,
     metadata: Mapping[str, str] | None = None,
     seen: tuple[int, float] = RGB,
-    others: Mapping[str, int] | None = None,
+    others: Mapping[str, tuple[int, list[int]]] | None = None,
 ) -> Path:
     """A detector that answers in a way of `WAYS`, or in one of the caller's.
 
-    `shape` and `dtype` are those that the file states of its input, `others` are the types of inputs (1, 2)
-    beside it.
+    `shape` and `dtype` are those that the file states of its input, `others` are the types and shapes of
+    inputs beside it.
     """
     answer, seen, _ = WAYS[way] if isinstance(way, str) else (way, seen, "")
     g = Graph()
@@ -230,9 +230,9 @@ def write(
     outputs = answer(g, g.corners(picture, *seen, size), size)
     for name, node in outputs.items():
         g.nodes.append(onnx.helper.make_node("Identity", [node], [name]))
-    others = {"orig_target_sizes": INT64} if way == "RT-DETR" else others or {}
+    others = {"orig_target_sizes": (INT64, [1, 2])} if way == "RT-DETR" else others or {}
     inputs = [onnx.helper.make_tensor_value_info("images", dtype, shape or [1, 3, size[1], size[0]])]
-    inputs += [onnx.helper.make_tensor_value_info(name, kind, [1, 2]) for name, kind in others.items()]
+    inputs += [onnx.helper.make_tensor_value_info(name, *other) for name, other in others.items()]
     kinds = {"labels": INT64} if way == "RT-DETR" else {}
     answered = [onnx.helper.make_tensor_value_info(name, kinds.get(name, FLOAT), None) for name in outputs]
     graph = onnx.helper.make_graph(g.nodes, "detector", inputs, answered, g.weights)

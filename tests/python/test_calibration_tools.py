@@ -2,9 +2,7 @@
 
 import json
 import math
-import os
 import time
-from pathlib import Path
 
 import groundpose as gp
 import numpy as np
@@ -585,45 +583,3 @@ def test_large_files_take_linear_time(tmp_path):
 
     small, large = (min(seconds(n) for _ in range(2)) for n in (2_000, 20_000))
     assert large < 30.0 * small + 0.1
-
-
-RIGHT, REFUSE = "right", "refuse"
-CASES = Path(os.environ["GROUNDPOSE_DATA"]).parent / "cases"
-FOLDERS = {
-    "calibrations_not_read": RIGHT,
-    "inline_distortion_dropped": RIGHT,
-    "wrong_matrix_taken": RIGHT,
-    "ros_distortion_names": RIGHT,
-    "opencv_fisheye_flag": RIGHT,
-    "camera_info_roi_binning": RIGHT,
-    "implausible_intrinsics": REFUSE,
-    "errors_without_file_name": None,
-}
-
-
-@pytest.mark.parametrize("folder", FOLDERS)
-def test_cases_of_the_field(folder):
-    if not (CASES / folder).is_dir():
-        pytest.skip(f"no {folder} in {CASES}")
-    for path in sorted((CASES / folder).iterdir()):
-        if path.suffix not in (".yaml", ".json", ".xml", ".txt") or path.name == "boxes.json":
-            continue
-        check_case(path, FOLDERS[folder])
-
-
-def check_case(path, ending):
-    name, message = "a" if path.name == "nuscenes_all.json" else None, ""
-    try:
-        camera = read_calibration(path, name).camera
-    except gp.InputError as error:
-        message = str(error)
-    if message:
-        assert ending is not RIGHT, message
-        assert message.startswith(str(path))
-        return
-    assert ending is not REFUSE, path
-    fx = 600.0 if "fisheye" in path.name else 1007.7185 if "binned" in path.name else 2015.437
-    assert camera.fx == pytest.approx(fx, abs=1e-3)
-    assert camera.lens == ("equidistant" if fx == 600.0 or "equidistant" in path.name else camera.lens)
-    if "inline" in path.name:
-        assert camera.distortion == (-0.17, 0.1, 0.005, -0.0003, 0.0)

@@ -244,6 +244,42 @@ def test_a_folder_with_one_file_for_all(drive, model):
     assert "coco.json: expected boxes of 000009.png, got none" in result.stderr
 
 
+def test_no_folder_that_is_read_is_written_onto(drive, model, undrawn):
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    arguments = ("--calib", "calib", "--no-pictures", "--format", "kitti")
+    for folder in ("boxes", "calib"):
+        result = estimate(model, *arguments, "-o", folder, source="images", boxes="boxes")
+        assert result.exit_code == 2
+        assert f"{folder}/000000.txt is an input; give another folder" in result.stderr
+    picture(drive / "images" / "000000_poses.png")
+    before[Path("images/000000_poses.png")] = Path("images/000000_poses.png").read_bytes()
+    result = estimate(model, "--calib", "calib", "-o", "images", source="images", boxes="boxes")
+    assert "images/000000_poses.png is an input" in result.stderr
+    assert all(path.read_bytes() == content for path, content in before.items())
+
+
+def test_strict_asks_for_a_pose_of_every_box(drive, model, undrawn):
+    for name in ("000002.png", "000009.png"):
+        Path("images", name).unlink()
+    arguments = ("--calib", "calib", "-o", "out")
+    assert estimate(model, *arguments, source="images", boxes="boxes").exit_code == 0
+    assert estimate(model, *arguments, "--strict", source="images", boxes="boxes").exit_code == 1
+    for i in (0, 1, 3):
+        dump(f"boxes/00000{i}.txt", kitti(("Car", BOX)))
+    assert estimate(model, *arguments, "--strict", source="images", boxes="boxes").exit_code == 0
+
+
+def test_a_table_of_images_has_what_the_network_says(street, model, undrawn):
+    result = estimate(model, "--calib", "camera.json", "-o", "out", "--format", "csv")
+    assert result.exit_code == 0, result.output
+    rows = [line.split(",") for line in Path("out/poses.csv").read_text().splitlines()]
+    row = dict(zip(*rows, strict=True))
+    assert (row["frame"], row["image"], row["object"], row["class"]) == ("street", "street.png", "0", "car")
+    assert float(row["class_probability"]) == pytest.approx(0.7)
+    assert 0.0 < float(row["vehicle_probability"]) <= 1.0
+    np.testing.assert_allclose([float(row[axis]) for axis in "xyz"], T, atol=0.2)
+
+
 def test_objects_that_cannot_be_are_kept_with_their_status(street, model, undrawn):
     dump("boxes.json", [[0, 0, 0, 0], CAR["bbox"], [700, 10, 800, 60], [100, 50, 90, 70], [None, 1, 2, 3]])
     result = estimate(model, "--calib", "camera.json", "-o", "o.jsonl")

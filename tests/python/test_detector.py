@@ -2,6 +2,7 @@
 its aspect; files that are none say what they have."""
 
 import copy
+import io
 import pickle
 from pathlib import Path
 
@@ -31,17 +32,17 @@ def pixel(detector: gp.Detector, size: tuple[int, int]) -> float:
     return max(size[0] / detector.size[0], size[1] / detector.size[1])
 
 
-@pytest.mark.parametrize("size", [WIDE, TALL, SIZE])
 @pytest.mark.parametrize("way", WAYS)
-def test_every_layout_answers_boxes_in_pixels_of_the_picture(way, size, tmp_path):
+def test_every_layout_answers_boxes_in_pixels_of_the_picture(way, tmp_path):
     detector = gp.Detector(detectors.write(tmp_path / "d.onnx", way))
     assert (detector.layout, detector.size) == (WAYS[way][2], SIZE)
-    image, box = street(size)
-    found = detector(image)
-    (one,) = found.boxes
-    assert found.size == size
-    np.testing.assert_allclose(one.bbox, box, atol=1.5 * pixel(detector, size))
-    assert one.score == pytest.approx(SCORE, abs=0.06)
+    for size in (WIDE, TALL, SIZE):
+        image, box = street(size)
+        found = detector(image)
+        (one,) = found.boxes
+        assert found.size == size
+        np.testing.assert_allclose(one.bbox, box, atol=1.5 * pixel(detector, size))
+        assert one.score == pytest.approx(SCORE, abs=0.06)
 
 
 @pytest.mark.parametrize(
@@ -115,6 +116,15 @@ def test_an_open_size_is_640_and_half_precision_is_taken(tmp_path):
     np.testing.assert_allclose(detector(image).boxes[0].bbox, box, atol=1.0)
 
 
+@pytest.mark.parametrize("shape", [[1, 64, 96], [1, 64, 64], ["b", "h", "w"]])
+def test_a_mask_of_the_picture_is_fed(shape, tmp_path):
+    path = detectors.write(tmp_path / "d.onnx", "DETR", others={"pixel_mask": (detectors.INT64, shape)})
+    detector = gp.Detector(path)
+    image, box = street(TALL)
+    (one,) = detector(image).boxes
+    np.testing.assert_allclose(one.bbox, box, atol=1.5 * pixel(detector, TALL))
+
+
 def test_what_is_unsure_is_left_out(tmp_path):
     path = detectors.write(tmp_path / "d.onnx")
     assert gp.Detector(path).min_score == 0.3
@@ -178,7 +188,7 @@ def test_it_is_copied_and_pickled_as_the_pipeline_is(tmp_path):
     for other in (copy.deepcopy(detector), pickle.loads(pickle.dumps(detector))):
         assert (other.size, other.min_score, other.names) == (SIZE, 0.2, {0: "a", 1: "b", 2: "c"})
         assert other(image) == detector(image)
-    assert repr(detector) == "Detector('d.onnx', YOLOv8, YOLO11, 96 x 64, 3 classes)"
+    assert repr(detector) == "Detector(d.onnx: YOLOv8, YOLO11; 96 x 64; 3 classes)"
 
 
 def test_it_takes_pictures_as_the_pipeline_does(tmp_path):
@@ -197,9 +207,36 @@ def test_the_pipeline_takes_its_boxes(tmp_path):
     detector = gp.Detector(detectors.write(tmp_path / "d.onnx", metadata=NAMES))
     pipeline = gp.Pipeline(stand_in.write(tmp_path / "car.onnx"))
     image, _ = street(WIDE)
-    poses = pipeline(image, detector(image), gp.View(gp.Camera(300.0, 300.0, 150.0, 60.0)))
-    assert len(poses) == 1
-    assert poses.classes[0] == "car"
+    view = gp.View(gp.Camera(300.0, 300.0, 150.0, 60.0))
+    made = io.BytesIO()
+    Image.fromarray(image).save(made, "PNG")
+    for given in (image, made.getvalue(), io.BytesIO(made.getvalue()), Image.fromarray(image)):
+        poses = pipeline(given, detector(image), view)
+        assert len(poses) == 1
+        assert poses.classes[0] == "car"
+
+
+def test_boxes_of_yolox_are_decoded_as_its_cells_say(tmp_path):
+    """Offsets of all cells at once, and one that is far off where there is nothing."""
+    rng = np.random.default_rng(0)
+    table = np.zeros((detectors.cells(), 6))
+    table[:, :2], table[:, 2:4] = rng.uniform(-1, 2, (len(table), 2)), rng.uniform(-1, 1, (len(table), 2))
+    kept = rng.permutation(len(table))[:9]
+    table[kept, 4:] = rng.uniform(0.8, 1.0, (9, 2))
+    table[next(k for k in range(len(table)) if k not in kept), 2] = 50.0
+    where = [(x, y, s) for s in (8, 16, 32) for y in range(SIZE[1] // s) for x in range(SIZE[0] // s)]
+    wanted = []
+    for k in kept:
+        (x, y, s), (dx, dy, w, h, objectness, certain) = where[k], table[k]
+        centre, half = s * np.array([x + dx, y + dy]), 0.5 * s * np.exp([w, h])
+        box = np.concatenate([centre - half, centre + half]).clip(0, [*SIZE, *SIZE])
+        wanted.append((objectness * certain, *box))
+    path = detectors.write(
+        tmp_path / "d.onnx", lambda g, box, size: {"output": g("Identity", g.constant(table[None]))}
+    )
+    found = gp.Detector(path)(np.zeros((SIZE[1], SIZE[0], 3), np.uint8)).boxes
+    rows = sorted((row for row in wanted if (np.array(row[3:]) > row[1:3]).all()), reverse=True)
+    np.testing.assert_allclose([(box.score, *box.bbox) for box in found], rows, atol=1e-4)
 
 
 def shaped_like(*shapes: tuple[int, ...]):
@@ -238,9 +275,13 @@ def test_other_outputs_are_named_beside_those_that_are_known(shapes, got, tmp_pa
         ({"metadata": {"names": "[car"}}, "expected names of classes by number"),
         ({"metadata": {"names": str(dict.fromkeys(range(80), "x"))}}, "names: expected 3 classes"),
         ({"shape": [1, 4, 64, 96]}, r"expected an input \(1, 3, height, width\), got \(1, 4, 64, 96\)"),
-        ({"shape": [1, 3, 64, 100000]}, "expected an input of at most 8192 pixels a side"),
+        ({"shape": [1, 3, 64, 100000]}, "expected an input of at most 8192 pixels a side, 16777216 in all"),
+        ({"shape": [10**6, 3, 64, 96]}, "expected an input of at most 8192 pixels a side, 16777216 in all"),
         ({"dtype": detectors.onnx.TensorProto.UINT8}, r"input images: expected .*, got tensor\(uint8\)"),
-        ({"others": {"im_shape": detectors.FLOAT}}, "expected no input but a picture .*, got im_shape"),
+        (
+            {"others": {"im_shape": (detectors.FLOAT, [1, 2])}},
+            "expected no input but a picture .*, got im_shape",
+        ),
     ],
 )
 def test_files_that_cannot_be_used_say_why(changes, text, tmp_path):

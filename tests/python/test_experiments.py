@@ -80,7 +80,7 @@ def test_a_finished_method_is_not_run_again(
     left = run.tasks(before, run.select("quick", FAST))
     assert {(task.group, *task.methods) for task in left} == {("RNSC-P1P+GN", "RNSC-P1P+GN")}
     assert len(left) == len(settings.QUICK)
-    monkeypatch.setattr(run, "ProcessPoolExecutor", None)  # would fail if anything was left to do
+    monkeypatch.setattr(run, "worker_pool", None)  # would fail if anything was left to do
     after = run.run("quick", 6, 0, tmp_path, FAST)
     assert after.results == store.Store.read(folder / "quick.json").results
 

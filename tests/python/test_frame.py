@@ -183,7 +183,9 @@ def replace_name(model, name):
     return gp.ShapeModel(model.keypoints_3d, model.bbox_3d, model.basis, model.eigenvalues, name=name)
 
 
-@pytest.mark.parametrize("name", ["pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope"])
+@pytest.mark.parametrize(
+    "name", ["pitch_sigma", "roll_sigma", "height_sigma", "roughness", "slope", "curvature"]
+)
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf, 50.0])
 def test_absurd_priors_are_refused(name, value):
     with pytest.raises(gp.InputError, match=f"{name}: expected"):

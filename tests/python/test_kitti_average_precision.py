@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from groundpose.formats.kitti.labels import KittiLabel
 from groundpose.lab.evaluate.kitti.average_precision import MEASURES, Hits, Overlaps, average_precision, judge
+from groundpose.lab.evaluate.kitti.official import Case, official_precision, thresholds
 from groundpose.lab.evaluate.kitti.overlap import Boxes, image_overlap, intersection_areas, space_overlaps
 
 
@@ -186,7 +187,8 @@ def official(frames, measure: str, level: int, least: float, orientation: bool =
             if by_score:
                 best = max(able, key=lambda i: found[i].score)
             else:
-                best = max(able, key=lambda i: (not small[i], matrix[i, j]))
+                # of small ones the first that is found
+                best = max(able, key=lambda i: (not small[i], -i if small[i] else matrix[i, j]))
             taken.add(best)
             if valid[j] and not small[best]:
                 hits += 1
@@ -224,6 +226,29 @@ def test_average_precision_is_the_official_one_in_large_sets(measure):
         expected = official(frames, measure, level, 0.7)
         assert 5 < expected < 99
         assert ours(frames)[measure][level] == pytest.approx(expected, abs=0.5)
+
+
+@pytest.mark.parametrize("measure", ["2D", "BEV", "3D"])
+@pytest.mark.parametrize("frames", [20, 80])
+def test_to_the_digit_as_officially(measure, frames):
+    made = world(3, frames)
+    for level in range(3):
+        cases = [Case.of(truth, found, "Car", measure, level) for truth, found in made]
+        assert official_precision(cases) == pytest.approx(official(made, measure, level, 0.7), abs=1e-9)
+
+
+def test_an_example_worked_by_hand():
+    """Five cars, hits with scores .9, .7, .6 and wrong ones with .8 and .5: recalls 1/5, 2/5, 3/5 are each
+    nearest to one of the recalls 0, 1/40, 2/40 that are asked first, so that the precisions 1/1, 2/3, 3/4 are
+    the first of 41. The second becomes 3/4, the best from there on; 38 recalls are never reached."""
+    cars = [a_car(6.0 * k - 12.0, 20.0, 0.2) for k in range(5)]
+    hits = [replace(car, score=score) for car, score in zip(cars, (0.9, 0.7, 0.6), strict=False)]
+    wrong = [a_car(x, 20.0, 0.2, score) for x, score in ((-9.0, 0.8), (9.0, 0.5))]
+    case = Case.of(cars, hits + wrong, "Car", "3D", 0)
+    assert thresholds(case.hit_scores(), 5) == [0.9, 0.7, 0.6]
+    assert [case.judged(t) for t in (0.9, 0.7, 0.6, 0.0)] == [(1, 0), (2, 1), (3, 1), (3, 2)]
+    assert official_precision([case]) == pytest.approx(100.0 * (2 * 3 / 4) / 40)
+    assert official_precision([Case.of([], hits, "Car", "3D", 0)]) is None
 
 
 def test_orientation_similarity_is_the_official_one_in_large_sets():

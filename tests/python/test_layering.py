@@ -15,7 +15,8 @@ ROOMS = (
     *("_core", "_checks", "_npz", "_writing", "_value", "lens", "calibration", "options", "types"),
     *("plausibility", "shape"),
     *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road", "tracking"),
-    *("draw", "formats", "estimate", "keypoints", "detector", "", "demo", "cli"),
+    *("draw", "formats", "estimate", "camera_profile", "self_calibration"),
+    *("keypoints", "detector", "", "demo", "cli"),
     *(
         "lab",
         "lab.data",

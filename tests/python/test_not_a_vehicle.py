@@ -136,7 +136,7 @@ def test_the_threshold_is_the_files_unless_it_is_given(tmp_path):
 
 
 def test_a_file_without_the_outputs_of_its_version(tmp_path):
-    with pytest.raises(gp.InputError, match="expected the outputs of version 2, got no vehicle"):
+    with pytest.raises(gp.InputError, match="expected an output 'vehicle', got 'keypoints'"):
         Network(write(tmp_path / "cut.onnx", **{FORMAT: "2"}))
 
 

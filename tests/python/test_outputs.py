@@ -13,6 +13,7 @@ import pytest
 from conftest import frame_of, make_batch
 from groundpose._writing import only_writer
 from groundpose.cli.destination import Names, file_stem
+from groundpose.cli.journal import Journal
 from groundpose.formats import columns
 from test_cli import one_line, run
 
@@ -259,6 +260,50 @@ def contents() -> dict[str, bytes]:
 
             found[name] = repr(parquet.read_table(name).to_pylist()).encode()
     return found
+
+
+def test_a_run_in_the_folder_of_its_input_goes_on_and_a_text_that_is_gone_is_made_again(monkeypatch):
+    Path("in").mkdir()
+    frames(1, 2, 3, name="in/frames.jsonl")
+    monkeypatch.chdir("in")
+    stopped(monkeypatch, 2, "estimate", "frames.jsonl", "-o", "poses.csv")
+    assert "going on: 2 frames" in run("estimate", "frames.jsonl", "-o", "poses.csv").stderr
+    arguments = ("estimate", "frames.jsonl", "--format", "kitti", "-o", "out")
+    stopped(monkeypatch, 2, *arguments)
+    Path("out/000001.txt").unlink()
+    assert "going on: 1 frame is finished" in run(*arguments).stderr
+    assert {path.name for path in Path("out").iterdir()} == {"000001.txt", "000002.txt", "000003.txt"}
+
+
+def test_a_link_to_the_results_stays_a_link():
+    frames("a")
+    Path("elsewhere").mkdir()
+    Path("poses.jsonl").symlink_to("elsewhere/real.jsonl")
+    for _ in range(2):
+        assert run("estimate", "frames.jsonl", "-o", "poses.jsonl").exit_code == 0
+        assert Path("poses.jsonl").is_symlink()
+        Path("elsewhere/real.jsonl").chmod(0o600)
+    assert Path("elsewhere/real.jsonl").stat().st_mode & 0o777 == 0o600
+
+
+def test_a_disk_that_gets_full_keeps_what_is_finished(monkeypatch):
+    frames(1, 2, 3)
+    calls, add = iter(range(3)), Journal.add
+
+    def full(journal, text):
+        if next(calls) == 2:
+            add(journal, text[:100])
+            raise OSError(28, "No space left on device", str(journal.target))
+        add(journal, text)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Journal, "add", full)
+        ended = run("estimate", "frames.jsonl", "-o", "poses.jsonl")
+    assert ended.exit_code == 2
+    assert one_line(ended).endswith("poses.jsonl: No space left on device; the same command goes on")
+    assert [json.loads(line)["id"] for line in Path("poses.jsonl").read_text().splitlines()] == [1, 2]
+    assert "going on: 2 frames are finished" in run("estimate", "frames.jsonl", "-o", "poses.jsonl").stderr
+    assert [json.loads(line)["id"] for line in Path("poses.jsonl").read_text().splitlines()] == [1, 2, 3]
 
 
 def test_only_the_same_command_on_the_same_files_goes_on(monkeypatch):

@@ -30,11 +30,11 @@ def camera(fx: float = 1000.0, cx: float = 956.5, cy: float = 539.5) -> gp.Camer
         (gp.View(camera(cx=200.0)), ["principal point"]),
         (gp.View(camera(cy=0.0)), ["principal point"]),
         (gp.View(camera(fx=1.5)), ["field of view"]),
-        # 190 degrees; a lens that ends within the picture; one of 8 degrees; no lens sees 275
-        (gp.View(fisheye(577.0)), []),
+        # a circle of 190 degrees; a lens that ends within the picture; one of 2 degrees; no lens sees 275
+        (gp.View(fisheye(325.0)), []),
         (gp.View(gp.Camera(200.0, 200.0, 956.5, 539.5, (-0.2, 0.6), SIZE, "double_sphere")), []),
         (gp.View(fisheye(4e4)), ["field of view"]),
-        (gp.View(fisheye(399.0)), ["field of view"]),
+        (gp.View(fisheye(225.0)), ["field of view"]),
         (gp.View(camera(fx=1e6)), ["field of view"]),
         (gp.View(camera(), pitch=math.radians(-30)), []),
         (gp.View(camera(), pitch=math.radians(-50)), ["pitch"]),

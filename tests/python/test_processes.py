@@ -18,7 +18,7 @@ needs_signals = pytest.mark.skipif(sys.platform == "win32", reason="signals are 
 
 # Two workers: one sleeps, one waits for work.
 SLEEPERS = """
-import os, sys, time
+import os, signal, sys, time
 from groundpose.lab.processes import worker_pool
 
 def sleep(seconds):
@@ -26,6 +26,7 @@ def sleep(seconds):
     time.sleep(seconds)
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored in the background
     with worker_pool(2) as pool:
         for seconds in (0.1, 600):
             pool.submit(sleep, seconds)

@@ -8,6 +8,7 @@ import groundpose as gp
 import numpy as np
 import pytest
 from conftest import make_batch
+from groundpose.formats.boxes import Box, Boxes
 from groundpose.lab.evaluate.misled import pitched, upside_down, vehicles
 from groundpose.remarks import FEWEST_OBJECTS, estimated_tilt_remarks, tilt_remarks
 
@@ -80,6 +81,16 @@ def test_camera_boxes_and_answers_are_judged_without_a_network_too() -> None:
     assert kinds[:4] == ["principal point", "field of view", "pitch", "boxes outside the image"]
     nothing = gp.estimate_poses(scenes.view, np.full_like(scenes.keypoints_2d, np.nan), None, scenes.models)
     assert nothing.remarks == ("no answer: none of 12 objects has a pose (12 too_few_keypoints)",)
+
+
+def test_what_was_done_to_the_boxes_is_in_the_remarks(tmp_path) -> None:
+    stand_in = pytest.importorskip("stand_in")
+    pipeline = gp.Pipeline(stand_in.write(tmp_path / "car.onnx"))
+    boxes = Boxes((Box((10.0, 10.0, 60.0, 40.0), 7, "car"),), size=(100, 50))
+    poses = pipeline(np.zeros((100, 200, 3), np.uint8), boxes, gp.View(gp.Camera(200.0, 200.0, 100.0, 50.0)))
+    kinds = [remark.partition(":")[0] for remark in poses.remarks]
+    assert kinds == ["boxes of another image size", "no answer"]
+    assert poses.bboxes.tolist() == [[20.0, 20.0, 120.0, 80.0]]
 
 
 def leaning(*degrees: float):

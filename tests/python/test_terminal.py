@@ -127,8 +127,8 @@ def test_sigterm_ends_as_ctrl_c_does(tmp_path):
     with started("estimate", "-", "-o", out, stdin=subprocess.PIPE) as process:
         process.stdin.write(line)
         process.stdin.flush()
-        part = tmp_path / ".poses.jsonl.part"
-        while not (part.exists() and part.stat().st_size):
+        record = tmp_path / ".poses.jsonl.run"  # its second line is the first frame
+        while not (record.exists() and record.read_bytes().count(b"\n") == 2):
             assert process.poll() is None
         process.send_signal(signal.SIGTERM)
         _, errors = process.communicate(timeout=60)

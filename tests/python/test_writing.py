@@ -95,9 +95,13 @@ def test_the_lock_and_the_half_files_of_a_killed_run_are_no_hindrance(tmp_path):
     left = names(tmp_path)
     assert LOCK in left
     assert len(left) == 2
+    (tmp_path / "below").mkdir()
+    half = next(path for path in tmp_path.iterdir() if path.name.endswith(".part"))
+    half.rename(tmp_path / "below" / half.name)
     with only_writer(tmp_path):
-        assert names(tmp_path) == {LOCK}
-    assert names(tmp_path) == set()
+        assert names(tmp_path) == {LOCK, "below"}
+    assert names(tmp_path) == {"below"}
+    assert names(tmp_path / "below") == set()
 
 
 @pytest.mark.skipif(sys.platform == "win32" or os.geteuid() == 0, reason="root may write everywhere")

@@ -23,9 +23,11 @@ def asked(parameters: Mapping[str, Any]) -> Settings | None:
     source, learned = parameters.get("source"), parameters.get("learn_camera")
     if learned is not None or str(source) == "-" or _is_pipe(source):
         return None
+    out = parameters.get("out")
     parameters = {name: value for name, value in parameters.items() if name not in _UNASKED}
     said = {name: repr(value) for name, value in parameters.items()}
-    files = {name: _look(path) for name, path in parameters.items() if isinstance(path, Path)}
+    ours = {"poses"} if out is None else {"poses", out.stem}
+    files = {name: _look(path, ours) for name, path in parameters.items() if isinstance(path, Path)}
     return {"version": groundpose.__version__, "said": said, "files": files}
 
 
@@ -33,16 +35,17 @@ def _is_pipe(path: Path | None) -> bool:
     return path is not None and path.exists() and not (path.is_file() or path.is_dir())
 
 
-def _look(path: Path) -> str:
-    """Changes with the size or the time of a file, or of one in a folder; of a name that is none, with those
-    beside it."""
+def _look(path: Path, ours: set[str]) -> str:
+    """Changes with the size or time of a file, or of one in a folder, hidden ones and our own results left
+    out; of a name that is none, with those beside it."""
     if path.is_file():
         return _stamp(path.name, path.stat())
     folder = path if path.is_dir() else path.parent
     if not folder.is_dir():
         return ""
     with os.scandir(folder) as entries:
-        stamps = sorted(_stamp(entry.name, entry.stat()) for entry in entries if entry.is_file())
+        files = [entry for entry in entries if entry.is_file() and not entry.name.startswith(".")]
+        stamps = sorted(_stamp(f.name, f.stat()) for f in files if Path(f.name).stem not in ours)
     return hashlib.sha256("\n".join(stamps).encode("utf-8", "surrogatepass")).hexdigest()
 
 

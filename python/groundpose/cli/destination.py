@@ -113,21 +113,29 @@ class Inputs:
         """Raises InputError when results would be written onto an input; `said` names the option."""
         if not path.exists():
             return
-        if any(given.is_file() and path.samefile(given) for given in (self.source, *self.others)):
-            what = "the" if self.source.is_file() and path.samefile(self.source) else "an"
+        if any(given.is_file() and _same(path, given) for given in (self.source, *self.others)):
+            what = "the" if _same(path, self.source) else "an"
             raise InputError(f"{said}{path} is {what} input; give another name")
         if self._is_companion(path) or self._is_picture(path):
             raise InputError(f"{said}{path} is an input; give another folder")
 
     def _is_picture(self, path: Path) -> bool:
-        return is_picture(path) and path.parent.samefile(_folder(self.source))
+        return is_picture(path) and _same(path.parent, _folder(self.source))
 
     def _is_companion(self, path: Path) -> bool:
         """Whether it lies in a folder of boxes or calibrations under the name of a picture."""
-        if not any(given.is_dir() and path.parent.samefile(given) for given in self.others):
+        if not any(_same(path.parent, given) for given in self.others):
             return False
         beside = _folder(self.source).glob(f"{escape(path.stem)}.*")
         return any(map(is_picture, beside))
+
+
+def _same(path: Path, other: Path) -> bool:
+    """Whether two names are of one file or folder that is there."""
+    try:
+        return path.samefile(other)
+    except OSError:
+        return False
 
 
 def _folder(path: Path) -> Path:

@@ -12,8 +12,9 @@ from typing import Annotated
 
 import typer
 
-from groundpose._checks import blamed, radians
+from groundpose._checks import blamed, input_error, radians
 from groundpose._core import InputError
+from groundpose.camera_profile import CameraProfile
 from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
@@ -156,6 +157,15 @@ def estimate(
             show_default="every vehicle alone",
         ),
     ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(
+            help="Camera profile of [bold]groundpose calibrate[/bold]: camera, tilt and height of all "
+            "frames, with standard deviations; instead of [bold]--calib[/bold].",
+            metavar="FILE",
+            show_default="none",
+        ),
+    ] = None,
     learn_camera: Annotated[
         Path | None,
         typer.Option(
@@ -215,21 +225,25 @@ def estimate(
         form = form or ("table" if out is None and standard_output().isatty() else "")
         pitch, roll = _radians("--pitch-deg", pitch_deg, 90.0), _radians("--roll-deg", roll_deg, 180.0)
         sigma = _radians("--frame-tilt-sigma-deg", frame_tilt_sigma_deg, 360.0)
-        frame = _frame(height, region, learn_camera)
+        if sigma is not None and sigma <= 0.0:
+            raise input_error("frame_tilt_sigma", "a positive number of degrees", f"{frame_tilt_sigma_deg:g}")
+        told = (calib, fov_deg, pitch_deg, roll_deg, height)
+        known = None if profile is None else _profile(profile, *told)
+        frame = _frame(height, region, learn_camera) if known is None else _known_frame(known, region)
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
-        mounting = Mounting(pitch, roll, height, sigma, frame, learned)
-        read = Inputs(source, tuple(path for path in (boxes, detector, calib, network, learn_camera) if path))
+        mounting = Mounting(pitch, roll, height, sigma, frame, learned, None if known is None else known.view)
+        files = (boxes, detector, calib, profile, network, learn_camera)
+        read = Inputs(source, tuple(path for path in files if path))
         job = _Job(options, threads, mounting, out, form, draw, strict, read, said)
         meant = _meant(classes or [])
-        if boxes is not None or is_image(source):
-            seen_by = CameraChoice(calib, camera, fov_deg)
+        if boxes is not None or detector is not None or is_image(source):
+            seen_by = CameraChoice(calib if profile is None else profile, camera, fov_deg)
             found_by = BoxChoice(boxes, detector, detector_score)
             status = job.images(
                 source, found_by, seen_by, network, vehicle_threshold, min_score, pictures, meant, exif
             )
         else:
             for_images = {
-                "detector": detector,
                 "detector-score": detector_score,
                 "calib": calib,
                 "camera": camera,
@@ -243,6 +257,20 @@ def estimate(
             }
             status = job.frames(source, for_images)
     raise typer.Exit(status)
+
+
+def _profile(path: Path, *instead: object) -> CameraProfile:
+    """The profile of a file, which says all of the camera."""
+    if any(value is not None for value in instead):
+        options = "--calib, --fov-deg, --pitch-deg, --roll-deg and --height"
+        refuse(f"--profile: says camera, tilt and height; leave out {options}")
+    return CameraProfile.load(path)
+
+
+def _known_frame(profile: CameraProfile, region: str | None) -> FramePriors:
+    """What a profile says of each frame; the sizes of a region instead of those that it learned."""
+    priors = profile.priors()
+    return priors if region is None else replace(priors, size=SizePrior.region(region))
 
 
 def _frame(height: float | None, region: str | None, learn_camera: Path | None) -> FramePriors | None:

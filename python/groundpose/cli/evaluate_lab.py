@@ -159,15 +159,21 @@ def detector(data: Data = None) -> None:
 def distance(
     data: Data = None,
     network: NetworkFile = None,
+    crops: Annotated[Path | None, typer.Option(help="Folder of crops whose renders are used.")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="JSON file of the numbers.")] = Path(
         "results/distance.json"
     ),
 ) -> None:
     """What region, height of the camera and more frames are worth for distances, for docs/distance.md.
 
+    Renders of cameras above a road are those in `CROPS/evaluated` (extra
+    train); without a folder they are left out.
+
     [bold]Examples[/bold]
 
       groundpose evaluate distance --data data
+
+      groundpose evaluate distance --data data --crops data/held_out
     """
     from groundpose.cli.evaluate_sets import bar
     from groundpose.lab.data import data_folder
@@ -176,7 +182,8 @@ def distance(
 
     with mistakes():
         with bar("settings") as advance:
-            content = distance.run(data_folder(data), None if network is None else str(network), advance)
+            path = None if network is None else str(network)
+            content = distance.run(data_folder(data), path, crops, advance)
         write_json(out, content)
         show(f"Numbers: {out.resolve()}")
         if out == distance.JSON:

@@ -28,6 +28,7 @@ class Journal:
         settings: what decides the results; None: nobody can tell, so nothing is ever gone on with.
         head: text before that of the first item.
         convert: makes the target of the text, `convert(part, target)`; None: the text is the target.
+        there: whether the file of a finished frame, by its name, is still there.
 
     Attributes:
         done: numbers of the items that an interrupted run has finished.
@@ -45,9 +46,11 @@ class Journal:
         settings: Settings | None,
         head: str = "",
         convert: Callable[[Path, Path], None] | None = None,
+        there: Callable[[str], bool] = lambda name: True,
     ) -> None:
         """Go on with what is there, or begin."""
-        self.target, self._convert = target, convert
+        self.target = target = Path(os.path.realpath(target))  # a link stays a link
+        self._convert, self._there = convert, there
         self.part = target.with_name(f".{target.name}.part")
         self.record = target.with_name(f".{target.name}.run")
         self.done: set[int] = set()
@@ -99,7 +102,7 @@ class Journal:
 
     def _take(self, line: dict[str, Any]) -> None:
         self._shown = self._shown or "shown" in line
-        if "end" in line:
+        if "end" in line and self._there(line["name"]):
             self.done.add(line["item"])
             self.names.add(line["name"].casefold())
             self._count(line)
@@ -112,9 +115,8 @@ class Journal:
 
     def _begin(self, first: dict[str, Any], head: str) -> None:
         if self.dropped and self._convert is None and not self.target.exists() and self.part.exists():
-            os.replace(
-                self.part, self.target
-            )  # what the other run has finished is not lost before there is more
+            # What another run has finished is not lost before there is more.
+            os.replace(self.part, self.target)
         self._text, self._lines = (path.open("wb", buffering=0) for path in (self.part, self.record))
         self._write(self._text, head.encode())
         self._note(first)
@@ -154,6 +156,8 @@ class Journal:
         os.fsync(self._text.fileno())
         self.close()
         if self._convert is None:
+            with suppress(FileNotFoundError):
+                shutil.copymode(self.target, self.part)
             os.replace(self.part, self.target)
         else:
             self._convert(self.part, self.target)

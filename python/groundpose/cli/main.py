@@ -10,6 +10,7 @@ import typer
 
 import groundpose
 from groundpose.cli.bench import bench
+from groundpose.cli.calibrate import calibrate
 from groundpose.cli.crops import crops
 from groundpose.cli.estimate import estimate
 from groundpose.cli.evaluate import app as evaluate
@@ -35,6 +36,7 @@ app = typer.Typer(
     },
 )
 app.command(rich_help_panel="Commands")(estimate)
+app.command()(calibrate)
 app.command()(track)
 app.command()(simulate)
 app.command()(experiment)

@@ -93,7 +93,12 @@ class Output:
         if lines is not None and self._file is sys.stdout:
             self.journal = Journal(lines, settings, head, parquet.convert if self.form == "parquet" else None)
         elif lines is None and folder is not None:
-            self.journal = Journal(folder / _OWN_FILES, settings, convert=lambda part, target: None)
+            self.journal = Journal(
+                folder / _OWN_FILES,
+                settings,
+                convert=lambda part, target: None,
+                there=lambda name: (folder / f"{name}.txt").exists(),
+            )
         elif head:
             self._file.write(head)
         if self.journal is not None:
@@ -183,9 +188,8 @@ class Output:
             self.journal.forget()
             return ""
         shown = self.journal.show() or self.where.lines is None
-        return "; the same command goes on" + (
-            "" if shown else f", until then they are in {self.journal.part}"
-        )
+        until = "" if shown else f", until then they are in {self.journal.part}"
+        return f"; the same command goes on{until}"
 
     def close(self) -> None:
         """Close the files, give up the folder."""

@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Container, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -20,7 +21,7 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from groundpose._checks import blamed
+from groundpose._checks import blamed, input_error
 from groundpose._core import InputError
 from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.output import complain, console, say
@@ -37,7 +38,7 @@ class Mounting:
 
     `frame_sigma` is how far off the tilt may be (standard deviation) for a whole frame, whose tilt is then
     estimated first; None: it is the frame's. With `frame` all vehicles of a frame stand on one road,
-    with `learned` those of all frames before one camera.
+    with `learned` those of all frames before one camera. `view` is that of all frames, whatever files say.
     """
 
     pitch: float | None = None
@@ -46,14 +47,24 @@ class Mounting:
     frame_sigma: float | None = None
     frame: FramePriors | None = None
     learned: LearnedCamera | None = None
+    view: View | None = None
 
     def of(self, view: View) -> View:
         """The view with what is said here."""
+        view = view if self.view is None else self._profiled(view)
         pitch = view.pitch if self.pitch is None else self.pitch
         roll = view.roll if self.roll is None else self.roll
         return replace(
             view, pitch=pitch, roll=roll, height=view.height if self.height is None else self.height
         )
+
+    def _profiled(self, view: View) -> View:
+        """The profile's. Raises InputError for pictures of another size."""
+        assert self.view is not None
+        known, given = self.view.camera.image_size, view.camera.image_size
+        if None not in (known, given) and known != given:
+            raise input_error("--profile", f"pictures of {known}, as it was learned from", given)
+        return self.view
 
     def arguments(self, view: View) -> dict[str, Any]:
         """For `estimate_poses` and `Pipeline` in this view."""
@@ -145,8 +156,13 @@ class Tally:
     def line(self, noun: str, place: object) -> str:
         """The run in a line: `9 images, 46 vehicles, 45 poses, results/poses.jsonl, 0.9 s`."""
         counts = ((self.items, noun), (self.vehicles, "vehicles"), (self.poses, "poses"))
-        parts = [f"{count} {word if count != 1 else word.removesuffix('s')}" for count, word in counts]
+        parts = [counted(count, word) for count, word in counts]
         return ", ".join([*parts, str(place), f"{time.monotonic() - self.begun:.1f} s"])
+
+
+def counted(count: int, noun: str) -> str:
+    """`9 images`, `1 image`."""
+    return f"{count} {noun if count != 1 else noun.removesuffix('s')}"
 
 
 def run(work: Work, output: Output, pictures: Pictures | None, strict: bool = False) -> int:
@@ -169,6 +185,10 @@ def run(work: Work, output: Output, pictures: Pictures | None, strict: bool = Fa
         # The reader has enough. Keep Python from complaining when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:  # a full disk, say
+        with suppress(OSError):
+            error.strerror = f"{error.strerror or error}{output.interrupted()}"
+        raise
     finally:
         output.close()
     return _report(work, output, tally, strict)
@@ -184,7 +204,8 @@ def _go_on(work: Work, output: Output, tally: Tally) -> None:
     if journal.done:
         work.finished = journal.done
         tally.items, tally.vehicles, tally.poses = journal.items, journal.vehicles, journal.poses
-        say(f"{output.place}: going on: {journal.items} {work.noun} are finished")
+        verb = "is" if journal.items == 1 else "are"
+        say(f"{output.place}: going on: {counted(journal.items, work.noun)} {verb} finished")
 
 
 def _keep(
@@ -196,7 +217,7 @@ def _keep(
         tally.errors.append(result)
         return
     frame, poses, name = result.frame, result.poses, ""
-    written = False
+    written = whole = False
     try:
         with blamed(frame.place, files=False):  # a disk that is full is so for all of them
             if output.named or pictures is not None:
@@ -206,11 +227,13 @@ def _keep(
         if pictures is not None:
             with blamed(frame.place):
                 pictures.write(frame, poses, result.image, name)
-        tally.add(result)
+        whole = True
     except InputError as error:
         tally.errors.append(error)
     if written:
         output.finished(item, result.vehicles, int(poses.ok.sum()), name)
+    if whole:
+        tally.add(result)
 
 
 def _progress(work: Work, output: Output) -> Progress:

@@ -29,6 +29,7 @@ class Form(str, Enum):
 
     PNG = "png"
     JPG = "jpg"
+    MP4 = "mp4"
 
 
 def simulate(
@@ -39,8 +40,23 @@ def simulate(
         Split, typer.Option(help="Split whose seeds, bodies and skies are used; splits have none in common.")
     ] = Split.TRAIN,
     first: Annotated[int, typer.Option(min=0, help="Number of the first frame.")] = 0,
-    images: Annotated[bool, typer.Option(help="Draw the frames or only label them.")] = True,
-    form: Annotated[Form, typer.Option("--format", help="Format of the pictures.")] = Form.PNG,
+    images: Annotated[
+        bool,
+        typer.Option("--images/--no-images", " /--labels-only", help="Draw the frames or only label them."),
+    ] = True,
+    form: Annotated[
+        Form,
+        typer.Option(
+            "--format", help="Format of the pictures; mp4 with --video: jpg, and video.mp4 of them."
+        ),
+    ] = Form.PNG,
+    video: Annotated[
+        bool, typer.Option(help="One video instead of drives of 20 frames: vehicles persist and have ids.")
+    ] = False,
+    fps: Annotated[float, typer.Option(help="Frames a second of --video.")] = 10.0,
+    static: Annotated[
+        bool, typer.Option(help="With --video: the camera stands on a mast; else it drives.")
+    ] = False,
     class_fractions: Annotated[
         str | None,
         typer.Option(metavar="CLASS=FRACTION,...", help="Relative frequency of each class of vehicle."),
@@ -69,8 +85,12 @@ def simulate(
     keypoints and tilt.csv. The same command resumes an interrupted run. The labels depend on the seed, not on
     the number of jobs.
 
-    The camera is drawn for each drive of 20 frames. RANGE is LOW..HIGH or one VALUE and replaces that of the
-    rig; the true tilt differs from the nominal one by about a degree.
+    With --video all frames are one drive: vehicles follow their lanes, stop, turn, change lanes and park.
+    training/label_02 (KITTI's tracking format), odometry.csv and notes in labels.jsonl have their tracks,
+    times, speeds and yaw rates. The same seed with another number of frames is another video.
+
+    The camera is drawn for each drive of 20 frames or for the video. RANGE is LOW..HIGH or one VALUE and
+    replaces that of the rig; the true tilt differs from the nominal one by about a degree.
 
     [bold]Examples[/bold]
 
@@ -83,9 +103,15 @@ def simulate(
       groundpose simulate --frames 200 --out mast --camera-height 6..10 --pitch-deg -35..-20 --fov-deg 60
 
       groundpose simulate --frames 2000 --out all --rig mixed --image-size 1280x720
+
+      groundpose simulate --video --frames 300 --fps 10 --out film --format mp4
+
+      groundpose simulate --video --static --camera-height 7 --pitch-deg -20 --frames 600 --out mast
     """
     fractions = class_fractions if class_shares is None else class_shares  # the option's former name
     with mistakes():
+        if form is Form.MP4 and not video:
+            raise InputError("--format: expected png or jpg without --video, got mp4")
         _run(
             frames,
             out,
@@ -95,15 +121,27 @@ def simulate(
                 "first": first,
                 "images": form.value if images else None,
                 **({} if fractions is None else {"shares": read_fractions(fractions)}),
-                "rig": rig,
+                "rig": rig_of(rig, static, video),
                 "height": read_range("--camera-height", camera_height),
                 "pitch_deg": read_range("--pitch-deg", pitch_deg),
                 "roll_deg": read_range("--roll-deg", roll_deg),
                 "fov_deg": read_range("--fov-deg", fov_deg),
                 "image_size": read_size(image_size),
+                **({"fps": fps, "frames": frames} if video else {}),
             },
             jobs or os.cpu_count() or 1,
         )
+
+
+def rig_of(rig: str, static: bool, video: bool) -> str:
+    """The rig with `--static`. Raises InputError where that contradicts other options."""
+    if not static:
+        return rig
+    if not video:
+        raise InputError("--static: expected --video with it, got none")
+    if rig not in ("car", "mast"):
+        raise InputError(f"--static: expected --rig mast or none, got {rig}")
+    return "mast"
 
 
 def read_fractions(text: str) -> dict[str, float]:
@@ -142,10 +180,13 @@ def read_size(text: str | None) -> tuple[int, int] | None:
 
 def _run(frames: int, out: Path, settings: dict[str, object], jobs: int) -> None:
     """Write the drive with a progress bar on a terminal, then report in one line."""
+    from groundpose.lab.drive.video.film import check_film
     from groundpose.lab.drive.workers import Settings
     from groundpose.lab.drive.write import write_drive
 
     made = Settings(**settings)  # type: ignore[arg-type]
+    if made.images == "mp4":
+        check_film()
     if out.exists() and not out.is_dir():
         refuse(f"--out {out}: is a file; give a folder")
     done = 0

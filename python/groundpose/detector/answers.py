@@ -17,6 +17,9 @@ STRIDES = ((8, 16, 32), (8, 16, 32, 64), (4, 8, 16, 32), (16, 32))
 """Pixels between the cells of the grids whose boxes stand one after the other."""
 _FARTHEST, _LONGEST = 32.0, 8.0
 """A box that YOLOX has not decoded yet is not so many cells off its own, nor is the logarithm of its size."""
+_MOST_CLASSES = 1e6
+_SOME_OBJECT = 0.05
+"""Objectness of boxes that may be kept."""
 _SLACK = 1e-3
 """Of a probability in half precision."""
 
@@ -51,17 +54,19 @@ class Answer:
         return ", ".join(f"{name} {shape_text(out.shape)}" for name, out in self.outputs.items())
 
     @cached_property
+    def tables(self) -> dict[str, FloatArray]:
+        """Outputs with three axes, of the first picture; what is infinite is not known."""
+        return {name: _finite(out[0]) for name, out in self.outputs.items() if out.ndim == 3 and len(out)}
+
+    @property
     def table(self) -> FloatArray:
-        """The only output with three axes, without the first; empty if there are none or several."""
-        tables = [out for out in self.outputs.values() if out.ndim == 3]
-        return np.asarray(tables[0][0], dtype=float) if len(tables) == 1 else np.empty((0, 0))
+        """The only one of `tables`; empty if there are none or several."""
+        return next(iter(self.tables.values())) if len(self.tables) == 1 else np.empty((0, 0))
 
     @cached_property
     def pair(self) -> tuple[FloatArray, FloatArray] | None:
         """Boxes (N, 4) and logits (N, C) of a transformer's queries, by their names, else by their shapes."""
-        tables = {
-            name: np.asarray(out[0], dtype=float) for name, out in self.outputs.items() if out.ndim == 3
-        }
+        tables = self.tables
         boxes = [name for name in tables if name in ("dets", "pred_boxes", "boxes")]
         logits = [name for name in tables if name in ("labels", "logits", "pred_logits", "scores")]
         if not boxes or not logits:
@@ -74,6 +79,11 @@ class Answer:
     def strides(self, count: int) -> tuple[int, ...]:
         """Of the grids that have together so many cells; () if none have."""
         return next((each for each in STRIDES if _cells(self.size, each) == count), ())
+
+
+def _finite(table: NDArray[Any]) -> FloatArray:
+    numbers = np.asarray(table, dtype=float)
+    return np.where(np.isfinite(numbers), numbers, np.nan)
 
 
 def _cells(size: Size, strides: tuple[int, ...]) -> int:
@@ -95,10 +105,18 @@ def yolox_rows(answer: Answer) -> Found:
     """(N, 5 + C), in pixels or, exported without `--decode_in_inference`, against the cells of the grids."""
     rows = answer.table
     boxes = rows[:, :4]
-    if len(rows) and np.abs(boxes[:, :2]).max() <= _FARTHEST and boxes[:, 2:].max() <= _LONGEST:
+    if _are_against_cells(rows):
         cells, stride = _grid(answer.size, answer.strides(len(rows)))
-        boxes = np.concatenate([(boxes[:, :2] + cells) * stride, np.exp(boxes[:, 2:]) * stride], axis=1)
+        with np.errstate(over="ignore"):  # where there is nothing
+            sides = np.exp(boxes[:, 2:]) * stride
+        boxes = np.concatenate([(boxes[:, :2] + cells) * stride, sides], axis=1)
     return _best(_corners(boxes), _objectness(rows) * _class_scores(answer, rows[:, 5:]))
+
+
+def _are_against_cells(rows: FloatArray) -> bool:
+    """Whether boxes (N, 5 + C) are still offsets: those of objects all are small, and most of all."""
+    near = (np.abs(rows[:, :2]).max(axis=1) <= _FARTHEST) & (rows[:, 2:4].max(axis=1) <= _LONGEST)
+    return bool(near[rows[:, 4] >= _SOME_OBJECT].all() and np.median(near) == 1.0)
 
 
 def _grid(size: Size, strides: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
@@ -110,7 +128,7 @@ def _grid(size: Size, strides: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
 def final_rows(answer: Answer) -> Found:
     """(N, 6): corners in pixels, score, class."""
     rows = answer.table
-    return Found(rows[:, :4], _probabilities(rows[:, 4]), rows[:, 5].astype(np.int64))
+    return Found(rows[:, :4], _probabilities(rows[:, 4]), _kinds(rows[:, 5]))
 
 
 def final_fractions(answer: Answer) -> Found:
@@ -121,9 +139,9 @@ def final_fractions(answer: Answer) -> Found:
 
 def numbered_rows(answer: Answer) -> Found:
     """(N, 7): picture, corners in pixels, class, score."""
-    rows = np.asarray(next(iter(answer.outputs.values())), dtype=float)
+    rows = _finite(next(iter(answer.outputs.values())))
     rows = rows[rows[:, 0] == 0.0]
-    return Found(rows[:, 1:5], _probabilities(rows[:, 6]), rows[:, 5].astype(np.int64))
+    return Found(rows[:, 1:5], _probabilities(rows[:, 6]), _kinds(rows[:, 5]))
 
 
 def fractions(answer: Answer) -> Found:
@@ -134,12 +152,10 @@ def fractions(answer: Answer) -> Found:
 
 def labelled(answer: Answer) -> Found:
     """`labels` (1, N), `boxes` (1, N, 4) corners in pixels, `scores` (1, N)."""
-    labels, boxes, scores = (answer.outputs[name][0] for name in ("labels", "boxes", "scores"))
-    return Found(
-        np.asarray(boxes, dtype=float),
-        _probabilities(np.asarray(scores, dtype=float)),
-        np.asarray(labels).astype(np.int64),
-    )
+    labels, boxes, scores = (_finite(answer.outputs[name][0]) for name in ("labels", "boxes", "scores"))
+    if not (len(labels),) == labels.shape == scores.shape or boxes.shape != (len(labels), 4):
+        raise input_error("outputs", "as many labels, boxes of four numbers and scores", answer.shapes)
+    return Found(boxes, _probabilities(scores), _kinds(labels))
 
 
 def each_class_apart(answer: Answer) -> Found:
@@ -188,6 +204,11 @@ def _best(boxes: FloatArray, scores: FloatArray) -> Found:
     return Found(boxes, best, classes, scores.shape[1])
 
 
+def _kinds(numbers: FloatArray) -> NDArray[np.int64]:
+    """Numbers of classes; -1 for what is none."""
+    return np.where(np.abs(numbers) < _MOST_CLASSES, numbers, -1.0).astype(np.int64)
+
+
 def _probabilities(scores: FloatArray) -> FloatArray:
     if not _are_probabilities(scores):
         raise input_error("scores", "0 to 1", f"{np.nanmin(scores):g} to {np.nanmax(scores):g}")
@@ -195,4 +216,5 @@ def _probabilities(scores: FloatArray) -> FloatArray:
 
 
 def _are_probabilities(scores: FloatArray) -> bool:
-    return bool(((scores >= -_SLACK) & (scores <= 1.0 + _SLACK)).all())
+    """Nothing is said of NaN, which no box is kept for."""
+    return not bool(((scores < -_SLACK) | (scores > 1.0 + _SLACK)).any())

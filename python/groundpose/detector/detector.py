@@ -103,10 +103,14 @@ class Detector:
         """Pickled as the place of its file, which another process loads again."""
         return _loaded, (str(self.path.resolve()), self._threads, self._arguments)
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         """File, kind, size of the input, classes."""
         width, height = self.size
-        return f"Detector({self.path.name!r}, {self.layout}, {width} x {height}, {self._classes()})"
+        return f"{self.path.name}: {self.layout}; {width} x {height}; {self._classes()}"
+
+    def __repr__(self) -> str:
+        """The same."""
+        return f"Detector({self})"
 
     def _classes(self) -> str:
         if self._names:

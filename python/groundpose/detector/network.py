@@ -18,12 +18,14 @@ from groundpose.keypoints.onnx import OnnxFile
 
 DEFAULT_SIZE = (640, 640)
 """Of an input whose size the file leaves open."""
-MOST_SIDE, MOST_BATCH = 8192, 64
-"""Pixels of a side of the input, and pictures at a time: more is a damaged file."""
+MOST_SIDE, MOST_PIXELS = 8192, 2**24
+"""Of the input, in all pictures that it takes at a time: more is a damaged file."""
 _TYPES: dict[str, type[np.generic]] = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
     "tensor(int64)": np.int64,
+    "tensor(int32)": np.int32,
+    "tensor(bool)": np.bool_,
 }
 _TASKS = ("detect", "segment", "pose")
 """What ultralytics calls networks that answer upright boxes."""
@@ -66,8 +68,8 @@ class PictureNetwork:
         batch, _, height, width = (side if isinstance(side, int) and side > 0 else None for side in shape)
         stated = size or _stated_size(self.metadata.get("imgsz")) or DEFAULT_SIZE
         own = (width or stated[0], height or stated[1])
-        if max(own) > MOST_SIDE or (batch or 1) > MOST_BATCH:
-            expected = f"an input of at most {MOST_SIDE} pixels a side and {MOST_BATCH} pictures"
+        if max(own) > MOST_SIDE or own[0] * own[1] * (batch or 1) > MOST_PIXELS:
+            expected = f"an input of at most {MOST_SIDE} pixels a side, {MOST_PIXELS} in all"
             self._file.fail(expected, shape_text(shape))
         if size is not None and own != size:
             raise input_error("size", f"{own} as in {self.path}", size)
@@ -75,7 +77,8 @@ class PictureNetwork:
 
     def answer(self, picture: NDArray[np.float32]) -> Answer:
         """What it says of a prepared picture (1, 3, height, width). Raises InputError."""
-        feeds = {self._picture: picture} | {name: make(self.size) for name, make in _OTHERS.items()}
+        feeds = {name: make(self.size, self._file.inputs.get(name, ())) for name, make in _OTHERS.items()}
+        feeds[self._picture] = picture
         typed = {
             name: np.repeat(feeds[name], self._batch, axis=0).astype(kind)
             for name, kind in self._types.items()
@@ -85,14 +88,15 @@ class PictureNetwork:
         return Answer(outputs, self.size, len(self.names) or None)
 
 
-def _target_sizes(size: Size) -> NDArray[Any]:
+def _target_sizes(size: Size, shape: tuple[Any, ...]) -> NDArray[Any]:
     """In which boxes are answered."""
     return np.array([size])
 
 
-def _pixel_mask(size: Size) -> NDArray[Any]:
-    """Where in the input the picture is."""
-    return np.ones((1, size[1], size[0]))
+def _pixel_mask(size: Size, shape: tuple[Any, ...]) -> NDArray[Any]:
+    """Where in the input the picture is; some files have it smaller."""
+    sides = zip(shape[1:], (size[1], size[0]), strict=False)
+    return np.ones((1, *(stated if isinstance(stated, int) else own for stated, own in sides)))
 
 
 _OTHERS = {"orig_target_sizes": _target_sizes, "pixel_mask": _pixel_mask}

@@ -6,7 +6,8 @@ has the same origin, y along the ground's normal and z forward on the ground. `x
 `heading` is the direction in which the object faces, in the camera's x-z plane; `ground_heading` is that on
 the ground: 0 is away from the camera, pi / 2 to the right. `qw, qx, qy, qz` is the rotation from the object
 to the camera frame. The corners of the 3D box are in the camera frame, in the order of `CORNERS`. Each
-`_sigma` is a standard deviation. An object without an answer has its 2D box and its status.
+`_sigma` is a standard deviation. `time` is in seconds since a video's first frame. An object without an
+answer has its 2D box and its status.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ CORNERS = tuple(
 
 _XYZ = ("x", "y", "z")
 _NUMBERS = (
+    "time",
     *("probability", "class_probability", "vehicle_probability", "score"),
     *("left", "top", "right", "bottom"),
     *_XYZ,
@@ -125,6 +127,7 @@ def rows(frame: Frame, poses: PoseBatch) -> Iterator[list[Any]]:
     found: dict[str, NDArray[Any]] = dict(numbers(poses))
     for name in ("class_probability", "vehicle_probability"):  # where a network looked at it
         found[name] = getattr(poses, name, np.full(len(poses), np.nan))
+    found["time"] = np.full(len(poses), np.nan if frame.time is None else frame.time)
     found["score"] = np.array([np.nan if o.score is None else o.score for o in frame.objects], dtype=float)
     table = np.array([found[name] for name in _NUMBERS], dtype=float).T
     image = "" if frame.image is None else str(frame.image)

@@ -52,7 +52,8 @@ class Detections:
             np.ones(count) if vehicle is None else vehicle,
             np.full((count, VIEWING_ANGLES), np.nan) if viewing_angle is None else viewing_angle,
         )
-        return cls(*(np.asarray(array, dtype=np.float64) for array in arrays))
+        with np.errstate(invalid="ignore"):  # what is no number in a damaged network's answer stays none
+            return cls(*(np.asarray(array, dtype=np.float64) for array in arrays))
 
 
 @dataclass(frozen=True)

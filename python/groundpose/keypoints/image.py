@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import warnings
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
@@ -69,7 +70,10 @@ def as_rgb(image: Picture, exif: bool = True) -> ByteArray:
 
 def _opened(source: Path | IO[bytes], name: str, exif: bool) -> ByteArray:
     try:
-        with Image.open(source) as picture:
+        with warnings.catch_warnings():  # Pillow warns of what is refused here
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            picture = Image.open(source)
+        with picture:
             return _converted(picture, name, exif)
     except UnidentifiedImageError:
         raise input_error(name, "a picture", "another kind of file") from None

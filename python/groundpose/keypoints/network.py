@@ -118,7 +118,7 @@ class Network:
         try:
             certainty = Certainty.of(stored)
             certainty.applied(Options())
-        except (InputError, TypeError, ValueError) as error:
+        except (InputError, TypeError, ValueError, AttributeError) as error:
             self._file.fail("numbers of `Certainty`", error, f"metadata {CERTAINTY!r}")
         return certainty
 

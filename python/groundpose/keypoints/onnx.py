@@ -54,15 +54,17 @@ class OnnxFile:
         if wanted is not None:
             options.intra_op_num_threads = wanted
         try:
-            self._session = ort.InferenceSession(str(self.path), options, providers=["CPUExecutionProvider"])
+            self._session = ort.InferenceSession(  # without a second try, which it would print
+                str(self.path), options, providers=["CPUExecutionProvider"], enable_fallback=0
+            )
             self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
+            self.inputs, self.outputs = (
+                {node.name: tuple(node.shape) for node in nodes}
+                for nodes in (self._session.get_inputs(), self._session.get_outputs())
+            )
+            self.types = {node.name: str(node.type) for node in self._session.get_inputs()}
         except Exception as error:  # onnxruntime has its own class for each of a dozen kinds of damage
             self.fail("an ONNX network", _first_line(error))
-        self.inputs, self.outputs = (
-            {node.name: tuple(node.shape) for node in nodes}
-            for nodes in (self._session.get_inputs(), self._session.get_outputs())
-        )
-        self.types = {node.name: str(node.type) for node in self._session.get_inputs()}
 
     def fail(self, expected: str, got: object, where: str = "") -> NoReturn:
         """Raise the error of this file; `where` in it."""

@@ -133,6 +133,7 @@ class Pipeline:
         batch_size: int = 16,
         vehicle_threshold: float | None = None,
         classes: Mapping[str, str] | None = None,
+        camera_state: CameraState | None = None,
     ) -> None:
         """Load everything once.
 
@@ -150,6 +151,8 @@ class Pipeline:
                 a vehicle.
             classes: names (or numbers, as text) of a detector's classes that are vehicles, `{"Kombi":
                 "car"}`, or none, `{"bus": "none"}`, beside the usual words (`groundpose.vehicles.words`).
+            camera_state: what is known of the one camera of all images; it is the `frame` of every call and
+                grows with each, in the order of the calls, so that calls must not overlap.
 
         Raises:
             OSError: no such file. InputError: a file that is not ours, an unknown class, a model with
@@ -165,6 +168,9 @@ class Pipeline:
         self.batch_size = min(batch_size, LARGEST_BATCH)
         self.vehicle_threshold = _threshold(vehicle_threshold, self.network)
         self.classes = class_names(classes or {})
+        if camera_state is not None and not isinstance(camera_state, CameraState):
+            raise type_error("camera_state", "a CameraState", camera_state)
+        self.camera_state = camera_state
         self.models = {class_name: shape_model(class_name) for class_name in CLASSES} | dict(models or {})
         for class_name, model in self.models.items():
             if class_name not in CLASSES:
@@ -192,14 +198,18 @@ class Pipeline:
                 box without area, outside the image or not finite, or without a vehicle gives an object
                 without an answer, and nothing of the others is lost.
             view: camera and tilt. A camera without `image_size` is taken to have the image's.
-            frame_tilt_sigma, frame: see `estimate_poses`.
+            frame_tilt_sigma, frame: see `estimate_poses`; `frame` is None where the pipeline has a
+                `camera_state`.
 
         Raises:
-            InputError: an image or boxes that cannot be, an image of another size than the camera's.
+            InputError: an image or boxes that cannot be, an image of another size than the camera's, `frame`
+                beside `camera_state`.
             OSError: no such file. TypeError: an argument of another type.
         """
         if not isinstance(view, View):
             raise type_error("view", "a View", view)
+        if frame is not None and self.camera_state is not None:
+            raise input_error("frame", "None where the pipeline has a camera_state", type(frame).__name__)
         pixels = as_rgb(image)
         size = (pixels.shape[1], pixels.shape[0])
         if view.camera.image_size not in (None, size):
@@ -217,7 +227,7 @@ class Pipeline:
             frame_tilt_sigma=frame_tilt_sigma,
             vehicle_probability=found.vehicle_probability,
             viewing_angle_probabilities=found.viewing_angle_probabilities,
-            frame=frame,
+            frame=self.camera_state if frame is None else frame,
         )
         watch.lap("solve")
         scores = np.full(poses.keypoints_2d.shape[:2], np.nan)

@@ -26,7 +26,7 @@ class VideoFrame:
     """One frame.
 
     Attributes:
-        number: from 0. time: seconds from the video's start; None: the video does not say.
+        number: from 0. time: seconds since the first frame; None: the video does not say.
         image: (H, W, 3) uint8, red, green, blue.
     """
 
@@ -69,12 +69,14 @@ def _frames(path: Path, exif: bool) -> Iterator[VideoFrame | InputError]:
         if most is not None and size[0] * size[1] > most:
             expected = f"frames of at most {most / 1e6:.0f} million pixels (PIL.Image.MAX_IMAGE_PIXELS)"
             raise input_error(str(path), expected, f"{size[0]} x {size[1]}")
-        number = 0
+        number, first = 0, None
         for decoded in _decoded(container, stream):
             if isinstance(decoded, av.error.FFmpegError):
                 yield input_error(f"{path}: after frame {number - 1}", "a whole video", decoded.strerror)
                 continue
-            yield VideoFrame(number, decoded.time, _pixels(decoded, exif))
+            first = decoded.pts if first is None else first
+            time = None if decoded.pts is None else float((decoded.pts - first) * decoded.time_base)
+            yield VideoFrame(number, time, _pixels(decoded, exif))
             number += 1
 
 

@@ -169,7 +169,8 @@ _SIZES = (("w", "width"), ("h", "height"))
 def _class(row: Row) -> tuple[str, int | None]:
     """Name and number: either may be there, and a column `class` may have numbers."""
     given = [row[name].value for name in ("name", "class_id") if name in row]
-    kind = next((int(value) for value in given if isinstance(value, (int, float))), None)
+    numbers = (value for value in given if isinstance(value, (int, float)))
+    kind = next((int(value) for value in numbers if isinstance(value, int) or math.isfinite(value)), None)
     name = next((value for value in given if isinstance(value, str)), "")
     return name or ("" if kind is None else numbered_name(kind)), kind
 

@@ -43,6 +43,8 @@ class Record:
 
     def __init__(self, field: Field) -> None:
         """Of a mapping."""
+        if not isinstance(field.value, dict):
+            field.fail("an object {...}")
         self.field = field
         self._keys: dict[str, list[str]] = {}
         for key in field.value:

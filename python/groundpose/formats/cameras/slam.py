@@ -115,7 +115,7 @@ def _read_basalt(record: Record, camera: Field, index: int) -> View:
     sizes = record.get("resolution")
     size = None
     if sizes is not None and isinstance(sizes.value, list) and index < len(sizes.value):
-        width, height = numbers(sizes.items()[index])
+        width, height = sizes.items()[index].numbers(2)
         size = int(width), int(height)
     return View(finished(values, camera, K, (lens, k) if k else NO_LENS, size))
 

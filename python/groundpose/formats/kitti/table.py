@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from groundpose._checks import FloatArray, describe, input_error
+from groundpose._checks import FloatArray, describe, finite, input_error
+from groundpose._core import InputError
 from groundpose._npz import read_arrays
 from groundpose.formats.kitti.dataset import KittiFrame, read_split
 from groundpose.formats.kitti.labels import KittiLabel
@@ -45,7 +46,8 @@ class KittiTable:
     @cached_property
     def _frames(self) -> dict[str, list[int]]:
         """Rows of each frame."""
-        seq, frame = (self._column(name).astype(int).tolist() for name in ("seq", "frame"))
+        numbers = (finite(f"{self.root}: {name}", self._column(name)) for name in ("seq", "frame"))
+        seq, frame = (column.astype(int).tolist() for column in numbers)
         found: dict[str, list[int]] = {}
         for row, (s, f) in enumerate(zip(seq, frame, strict=True)):
             found.setdefault(f"{s:02d}/{f:06d}", []).append(row)
@@ -70,6 +72,15 @@ class KittiTable:
         if rows is None:
             skipped.add("frame that is not in the table", frame_id)
             return None
+        try:
+            return self._frame(frame_id, rows)
+        except InputError:
+            raise
+        except (IndexError, ValueError, OverflowError) as error:  # a class or a sequence that is not there
+            skipped.add("frame of other arrays", f"{self.root}: {frame_id}: {error}")
+            return None
+
+    def _frame(self, frame_id: str, rows: list[int]) -> KittiFrame:
         projection = self._content["P2_by_seq"][int(frame_id.partition("/")[0])]
         size = (int(self._column("imgW")[rows[0]]), int(self._column("imgH")[rows[0]]))
         labels = [self._label(row) for row in rows]

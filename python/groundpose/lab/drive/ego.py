@@ -18,6 +18,8 @@ from groundpose.lab.drive.road_kinds import ROAD_KINDS, wave
 FRAMES_PER_DRIVE = 20
 FRAME_INTERVAL = 0.5
 """Seconds between frames."""
+FRAME_TIMES: FloatArray = FRAME_INTERVAL * np.arange(FRAMES_PER_DRIVE, dtype=np.float64)
+"""Of the frames of a drive, seconds."""
 
 LENGTH, WIDTH, CAMERA_TO_FRONT = 4.6, 1.85, 1.8
 """Distance of the camera behind the front of the car, metres."""
@@ -25,7 +27,8 @@ LENGTH, WIDTH, CAMERA_TO_FRONT = 4.6, 1.85, 1.8
 HEIGHT = (1.2, 1.8)
 """Of the camera above the road where its rig does not say, metres."""
 
-_STEP = 0.01  # of the integration, seconds
+STEP = 0.01
+"""Of the integration, seconds."""
 _WARM_UP = 3.0  # seconds before the first frame, in which the springs settle
 
 _MOUNT_STD_DEG = (0.6, 0.35)  # of the constant pitch and roll of a drive
@@ -57,25 +60,25 @@ class Ego:
 def drive_along(rng: np.random.Generator, road: Road, lane_d: float, speed: float) -> Ego:
     """A drive from s = 0 in the lane at `lane_d` with a typical speed (m/s)."""
     kind = ROAD_KINDS[road.layout.kind]
-    t = np.arange(-_WARM_UP, FRAMES_PER_DRIVE * FRAME_INTERVAL, _STEP)
+    t = np.arange(-_WARM_UP, FRAMES_PER_DRIVE * FRAME_INTERVAL, STEP)
     # the car sometimes stops in towns; on a motorway its speed hardly changes
     change = 0.55 if speed < 14.0 else 0.12
     v = np.clip(speed * (1.0 + change * wave(rng, t, (6.0, 25.0))), 0.0, None)
-    acceleration = np.clip(np.gradient(v, _STEP), -6.0, 3.5)
-    s = np.cumsum(v) * _STEP
-    first = round(_WARM_UP / _STEP)
+    acceleration = np.clip(np.gradient(v, STEP), -6.0, 3.5)
+    s = np.cumsum(v) * STEP
+    first = round(_WARM_UP / STEP)
     s -= s[first]
-    at = np.arange(first, len(t), round(FRAME_INTERVAL / _STEP))[:FRAMES_PER_DRIVE]
+    at = np.arange(first, len(t), round(FRAME_INTERVAL / STEP))[:FRAMES_PER_DRIVE]
     wander = rng.uniform(0.05, 0.3) * wave(rng, s, (60.0, 200.0))
     curvature = np.interp(s, road.start + 0.5 * np.arange(len(road.curvature)), road.curvature)
     roughness = rng.uniform(*kind.roughness)
-    pitch = _sway(rng, 0, acceleration, v, roughness)
-    roll = _sway(rng, 1, v**2 * curvature, v, roughness)
-    moved = np.maximum(np.gradient(s, _STEP), 1.0)
+    pitch = sway(rng, 0, acceleration, v, roughness)
+    roll = sway(rng, 1, v**2 * curvature, v, roughness)
+    moved = np.maximum(np.gradient(s, STEP), 1.0)
     return Ego(
         s=s[at],
         d=lane_d + wander[at],
-        yaw=(np.gradient(wander, _STEP) / moved)[at] + rng.normal(0.0, math.radians(0.5)),
+        yaw=(np.gradient(wander, STEP) / moved)[at] + rng.normal(0.0, math.radians(0.5)),
         speed=v[at],
         acceleration=acceleration[at],
         pitch=pitch[at],
@@ -84,7 +87,7 @@ def drive_along(rng: np.random.Generator, road: Road, lane_d: float, speed: floa
     )
 
 
-def _sway(
+def sway(
     rng: np.random.Generator, axis: int, acceleration: FloatArray, speed: FloatArray, roughness: float
 ) -> FloatArray:
     """Pitch (axis 0) or roll (1), radians: q'' + 2 zeta w q' + w^2 (q - lean) = bumps."""
@@ -92,14 +95,14 @@ def _sway(
     lean = np.radians(_LEAN_DEG[axis]) * acceleration
     # White noise of intensity S moves a damped spring with a variance of S / (4 zeta w^3).
     std = np.radians(_BUMP_STD_DEG[axis]) * roughness * np.sqrt(speed / 10.0)
-    bumps = std * math.sqrt(4.0 * zeta * w**3 / _STEP) * rng.normal(size=len(speed))
-    holes = rng.random(len(speed)) < _POTHOLES_PER_M * roughness * speed * _STEP
-    kicks = np.radians(_POTHOLE_DEG) * w / _STEP * holes * rng.normal(size=len(speed))
+    bumps = std * math.sqrt(4.0 * zeta * w**3 / STEP) * rng.normal(size=len(speed))
+    holes = rng.random(len(speed)) < _POTHOLES_PER_M * roughness * speed * STEP
+    kicks = np.radians(_POTHOLE_DEG) * w / STEP * holes * rng.normal(size=len(speed))
     drive = w**2 * lean + bumps + kicks
     q, rate = float(lean[0]), 0.0
     swayed = np.empty(len(drive))
     for i, force in enumerate(drive.tolist()):
-        rate += _STEP * (force - 2.0 * zeta * w * rate - w**2 * q)
-        q += _STEP * rate
+        rate += STEP * (force - 2.0 * zeta * w * rate - w**2 * q)
+        q += STEP * rate
         swayed[i] = q
     return swayed + rng.normal(0.0, math.radians(_MOUNT_STD_DEG[axis]))

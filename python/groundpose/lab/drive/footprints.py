@@ -71,3 +71,22 @@ def _radius(shape: Footprints, axes: FloatArray, second: bool = False) -> FloatA
     """Half extent of rectangles along axes (.., 2, 2), broadcast over pairs."""
     own, half = (shape.axes[None], shape.half[None]) if second else (shape.axes[:, None], shape.half[:, None])
     return np.asarray(np.einsum("...i,...ji->...j", half, np.abs(axes @ np.swapaxes(own, -1, -2))))
+
+
+def touching(a: Footprints, b: Footprints) -> NDArray[np.bool_]:
+    """(N,) whether rectangle k of `a` overlaps rectangle k of `b`."""
+    offset = b.middle - a.middle
+    apart = np.zeros(len(offset), dtype=bool)
+    for own, other in ((a, b), (b, a)):
+        distance = np.abs(np.einsum("ni,nji->nj", offset, own.axes))
+        turned = np.abs(np.einsum("nji,nki->njk", own.axes, other.axes))
+        apart |= (distance > own.half + np.einsum("njk,nk->nj", turned, other.half)).any(axis=1)
+    return ~apart
+
+
+def candidates(a: Footprints, b: Footprints) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows of `a` and of `b` whose circumscribed circles meet."""
+    apart = np.linalg.norm(a.middle[:, None] - b.middle[None], axis=2)
+    radii = [np.linalg.norm(shape.half, axis=1) for shape in (a, b)]
+    i, j = np.nonzero(apart < radii[0][:, None] + radii[1])
+    return i, j

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from groundpose.lab.drive.ego import FRAME_INTERVAL, FRAMES_PER_DRIVE, HEIGHT, Ego
+from groundpose._checks import FloatArray
+from groundpose.lab.drive.ego import FRAME_TIMES, HEIGHT, Ego
 from groundpose.lab.drive.rigs import Mount
 from groundpose.lab.drive.road import Road
 from groundpose.lab.drive.road_kinds import wave
@@ -27,8 +28,9 @@ _ERROR_STD_DEG = (0.5, 0.3)  # of the true pitch and roll against the nominal ti
 _SWAY_DEG, _SWAY_SECONDS = 0.04, (1.0, 5.0)
 
 
-def stand(rng: np.random.Generator, road: Road, mount: Mount) -> Ego:
-    """The camera of a drive that does not move. It sees a lane or, where there is one, the junction."""
+def stand(rng: np.random.Generator, road: Road, mount: Mount, t: FloatArray = FRAME_TIMES) -> Ego:
+    """The camera of a drive that does not move, in frames at times `t` in seconds. It sees a lane or, where
+    there is one, the junction."""
     layout = road.layout
     lane = layout.lanes[int(rng.integers(len(layout.lanes)))]
     if rng.random() < _ABOVE.get(layout.kind, _ABOVE_OTHERWISE):
@@ -48,7 +50,6 @@ def stand(rng: np.random.Generator, road: Road, mount: Mount) -> Ego:
     if road.junction is not None:
         before = road.junction.s - road.junction.half_width - 1.5
         s = min(max(road.junction.s - away * math.cos(turn) + rng.normal(0.0, 4.0), 0.0), before)
-    t = FRAME_INTERVAL * np.arange(FRAMES_PER_DRIVE, dtype=np.float64)
     pitch, roll = (
         math.radians(_SWAY_DEG) * wave(rng, t, _SWAY_SECONDS) + rng.normal(0.0, math.radians(std))
         for std in _ERROR_STD_DEG

@@ -1,11 +1,13 @@
-"""One simulated frame as text: a JSON line for `groundpose estimate`, KITTI labels, a row of tilt.csv."""
+"""One simulated frame as text: a JSON line for `groundpose estimate`, KITTI labels, rows of tables."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from groundpose._checks import FloatArray
 from groundpose.formats.frames import BUNDLED
@@ -13,6 +15,9 @@ from groundpose.formats.kitti.labels import TYPE_OF, KittiLabel
 from groundpose.lab.drive.labels import OUTSIDE, VISIBLE, Label
 from groundpose.lab.drive.rigs import Mount
 from groundpose.lab.drive.scene import Scene
+
+if TYPE_CHECKING:
+    from groundpose.lab.drive.video.clip import VideoFrame
 
 TILT_COLUMNS = (
     *("frame", "drive", "pitch_deg", "roll_deg", "camera_height", "speed", "road"),
@@ -22,8 +27,10 @@ TILT_COLUMNS = (
 """Columns of tilt.csv: tilt against the road under the camera, and the camera's pose, camera_from_world."""
 
 
-def frame_line(scene: Scene, labels: Sequence[Label], drive: int, image: str | None) -> str:
-    """The JSON line of a frame, see `formats.frames`.
+def frame_line(
+    scene: Scene, labels: Sequence[Label], drive: int, image: str | None, video: VideoFrame | None = None
+) -> str:
+    """The JSON line of a frame, see `formats.frames`; that of a video has tracks and motion too.
 
     The nominal tilt is that of the mount, zero for the rig "car"; the true tilt is in `_tilt`. The reader of
     frames skips members that begin with `_`; docs/simulation.md lists them.
@@ -38,7 +45,8 @@ def frame_line(scene: Scene, labels: Sequence[Label], drive: int, image: str | N
             class_name: BUNDLED + class_name
             for class_name in dict.fromkeys(label.class_name for label in labels)
         },
-        "objects": [_object(label) for label in labels],
+        "objects": [_object(label) | _motion(label, video) for label in labels],
+        **_odometry(video),
         "_drive": drive,
         "_seed": scene.seed,
         "_split": scene.split,
@@ -90,6 +98,57 @@ def _object(label: Label) -> dict[str, Any]:
         "_plane_pitch_deg": _degrees(label.plane_pitch),
         "_plane_roll_deg": _degrees(label.plane_roll),
     }
+
+
+def _motion(label: Label, video: VideoFrame | None) -> dict[str, Any]:
+    """Track and motion of a vehicle of a video."""
+    if video is None:
+        return {}
+    row, vehicle = label.index, video.scene.vehicles[label.index]
+    return {
+        "id": int(video.track[row]),
+        "_size": [round(side, 4) for side in label.size],
+        "_place": _rounded(vehicle.t_world, 4),
+        "_heading": round(math.remainder(float(video.heading[row]), 2.0 * math.pi), 6),
+        "_speed": round(float(video.speed[row]), 4),
+        "_acceleration": round(float(video.acceleration[row]), 4),
+        "_yaw_rate": round(float(video.yaw_rate[row]), 6),
+    }
+
+
+def _odometry(video: VideoFrame | None) -> dict[str, Any]:
+    """Time and motion of the camera of a video."""
+    if video is None:
+        return {}
+    return {
+        "_time": round(video.time, 6),
+        "_odometry": {
+            "speed": round(video.scene.speed, 4),
+            "acceleration": round(video.ego_acceleration, 4),
+            "yaw_rate": round(video.ego_yaw_rate, 6),
+            "standing": video.scene.mount.standing,
+        },
+    }
+
+
+ODOMETRY_COLUMNS = ("frame", "time", "speed", "acceleration", "yaw_rate", "x", "z", "heading")
+"""Columns of odometry.csv: motion of the camera, its place and direction in the world seen from above."""
+
+
+def odometry_row(frame: dict[str, Any]) -> str:
+    """A line of odometry.csv from a frame's record."""
+    motion, pose = frame["_odometry"], frame["_camera_from_world"]
+    R = np.array(pose["R"])
+    x, _, z = (-R.T @ pose["t"]).round(4).tolist()
+    heading = round(math.atan2(R[2, 0], R[2, 2]), 6)
+    numbers = (motion["speed"], motion["acceleration"], motion["yaw_rate"], x, z, heading)
+    return ",".join(str(value) for value in (frame["id"], frame["_time"], *numbers)) + "\n"
+
+
+def tracking_lines(frame: dict[str, Any], labels: str) -> str:
+    """Lines of a KITTI tracking file from a frame's record and its KITTI labels."""
+    rows = zip(frame["objects"], labels.splitlines(), strict=True)
+    return "".join(f"{frame['id']} {item['id']} {line}\n" for item, line in rows)
 
 
 def _rounded(array: FloatArray, digits: int) -> Any:

@@ -79,7 +79,8 @@ class Scene:
 
     `pitch` and `roll` are the true tilt of the camera against the plane of the road under it, `height` its
     metres above that plane; `mount` has the nominal tilt;
-    `X_camera = R_camera_from_world @ X_world + t_camera_from_world`.
+    `X_camera = R_camera_from_world @ X_world + t_camera_from_world`. `film`: of a video, whose camera has the
+    same exposure, colours and lens in all frames.
     """
 
     camera: Camera
@@ -97,6 +98,7 @@ class Scene:
     split: str
     seed: int
     number: int
+    film: bool = False
 
     @property
     def view(self) -> View:

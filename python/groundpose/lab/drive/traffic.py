@@ -84,13 +84,19 @@ def traffic(
 ) -> tuple[Actor, ...]:
     """All vehicles of a drive in order of priority: where two would overlap, the later one is omitted."""
     maker = _Maker(rng, road, ego, Classes(rng, split, shares))
-    parked = [actor for row in road.layout.parking for actor in maker.row(row)]
-    lots = [actor for lot in road.lots for row in lot.rows for actor in maker.row(row, lot)]
+    parked = maker.parked()
     cross = list(maker.junction(road.junction)) if road.junction is not None else []
     lanes = sorted(road.layout.lanes, key=lambda lane: abs(lane.d - ego.d[0]))
     own = None if ego.standing else lanes[0]
     moving = [actor for lane in lanes for actor in maker.stream(lane, own=lane is own)]
-    return (*parked, *lots, *cross, *moving)
+    return (*parked, *cross, *moving)
+
+
+def parked(
+    rng: np.random.Generator, road: Road, ego: Ego, split: str, shares: Mapping[str, float]
+) -> list[Actor]:
+    """The parked vehicles of a drive alone."""
+    return _Maker(rng, road, ego, Classes(rng, split, shares)).parked()
 
 
 @dataclass(frozen=True)
@@ -126,6 +132,12 @@ class _Maker:
             lamps=float(self.rng.random()),
             sight=float(least + self.rng.gamma(1.4, max(scale, sight_scale))),
         )
+
+    def parked(self) -> list[Actor]:
+        """Vehicles along the road and in car parks."""
+        along = [actor for row in self.road.layout.parking for actor in self.row(row)]
+        lots = [actor for lot in self.road.lots for row in lot.rows for actor in self.row(row, lot)]
+        return along + lots
 
     def row(self, row: Parking, lot: Lot | None = None) -> Iterator[Actor]:
         """Vehicles parked in a row, of a car park or along the road: parallel to the kerb, or with the front
@@ -240,7 +252,7 @@ class _Maker:
             before, after = corner - 40.0 * along, corner + (junction.reach - 4.0) * across
         else:
             before, after = corner - (junction.reach - 4.0) * across, corner + 40.0 * along
-        return _rounded(before, corner, after, rng.uniform(4.5, 8.0))
+        return rounded(before, corner, after, rng.uniform(4.5, 8.0))
 
     def _along(self, path: FloatArray, state: str, speed: float) -> Actor:
         """A vehicle that reaches the middle of its path in a random frame of the drive."""
@@ -258,7 +270,7 @@ class _Maker:
         return self._actor(chosen, s, d, np.arctan2(ahead[1], ahead[0]), state)
 
 
-def _rounded(before: FloatArray, corner: FloatArray, after: FloatArray, radius: float) -> FloatArray:
+def rounded(before: FloatArray, corner: FloatArray, after: FloatArray, radius: float) -> FloatArray:
     """Points of a path around a right-angled corner."""
     into, out = (
         (corner - before) / np.linalg.norm(corner - before),

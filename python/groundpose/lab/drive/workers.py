@@ -21,14 +21,18 @@ from groundpose.lab.drive.rigs import DEFAULT_RIG, Range, Rigs, Size, rigs
 from groundpose.lab.drive.scene import Scene
 from groundpose.lab.drive.splits import scene_seed
 from groundpose.lab.drive.traffic import DEFAULT_SHARES, check_shares
+from groundpose.lab.drive.video.clip import VideoFrame, check_video, make_clip, video_frame
 from groundpose.lab.processes import worker_pool
 
-FORMATS = ("png", "jpg")
+FORMATS = ("png", "jpg", "mp4")
 _VERSION = 1
 _SAVE: dict[str, tuple[str, dict[str, Any]]] = {
     "png": ("PNG", {"compress_level": 2}),
     "jpg": ("JPEG", {"quality": 93, "subsampling": 0}),
+    "mp4": ("JPEG", {"quality": 97, "subsampling": 0}),
 }
+SUFFIX = {"png": "png", "jpg": "jpg", "mp4": "jpg"}
+"""Of the pictures by format; those of a video remain beside it."""
 # Frames given to a process at once: one when they are drawn, so that an interruption loses little.
 _BLOCK = {True: 1, False: FRAMES_PER_DRIVE}
 
@@ -37,7 +41,8 @@ _BLOCK = {True: 1, False: FRAMES_PER_DRIVE}
 class Settings:
     """Contents of a folder: seed within its split, split, number of the first frame, relative frequencies of
     the classes (`shares`), format of the pictures (None: no pictures), name of the camera's rig, and ranges
-    that replace those of the rig (None: its own), see `rigs.rigs`.
+    that replace those of the rig (None: its own), see `rigs.rigs`. `fps` and `frames` are those of a video;
+    None: drives of 20 frames.
 
     Raises:
         InputError: an invalid value.
@@ -54,6 +59,8 @@ class Settings:
     roll_deg: Range | None = None
     fov_deg: Range | None = None
     image_size: Size | None = None
+    fps: float | None = None
+    frames: int | None = None
     version: int = _VERSION
 
     def __post_init__(self) -> None:
@@ -63,6 +70,14 @@ class Settings:
         check_shares(self.shares)
         if self.images not in (None, *FORMATS):
             raise input_error("format", f"one of {', '.join(FORMATS)}", repr(self.images))
+        if (self.fps is None) != (self.frames is None):
+            raise input_error("fps", "given together with frames", f"fps {self.fps}, frames {self.frames}")
+        if self.fps is None and self.images == "mp4":
+            raise input_error("format", "png or jpg without --video", "mp4")
+        if self.fps is not None and self.frames is not None:
+            check_video(self.frames, self.fps)
+        if self.fps is not None and self.first:
+            raise input_error("first", "0 with a video", self.first)
         self.rigs  # noqa: B018 - checks the ranges
 
     @property
@@ -82,9 +97,15 @@ class Frame:
     objects: int
 
 
-def image_name(number: int, form: str) -> str:
+def image_name(number: int, settings: Settings) -> str:
     """Path of a frame's picture in the folder."""
-    return f"training/image_2/{number:06d}.{form}"
+    assert settings.images is not None
+    return f"training/{image_folder(settings)}/{number:06d}.{SUFFIX[settings.images]}"
+
+
+def image_folder(settings: Settings) -> str:
+    """As in KITTI's object and tracking data."""
+    return "image_2" if settings.fps is None else "image_02/0000"
 
 
 def temporary(path: Path) -> Path:
@@ -120,15 +141,28 @@ def _make_block(out: Path, block: range, settings: Settings) -> list[Frame]:
 
 
 def _make_frame(out: Path, number: int, settings: Settings) -> Frame:
-    made = scene(scene_seed(settings.seed, settings.split), number, settings.shares, settings.rigs)
+    video = _video_frame(number, settings)
+    made = _scene(number, settings) if video is None else video.scene
     found = labels(made)
     image = None
     if settings.images is not None:
-        image = image_name(number, settings.images)
+        image = image_name(number, settings)
         _draw(made, temporary(out / image), settings.images)
-    line = frame_line(made, found, number // FRAMES_PER_DRIVE, image)
+    drive = number // FRAMES_PER_DRIVE if video is None else 0
+    line = frame_line(made, found, drive, image, video)
     kitti = format_labels(map(kitti_label, found))
     return Frame(number, line, kitti, format_calibration(made.camera), len(found))
+
+
+def _scene(number: int, settings: Settings) -> Scene:
+    return scene(scene_seed(settings.seed, settings.split), number, settings.shares, settings.rigs)
+
+
+def _video_frame(number: int, settings: Settings) -> VideoFrame | None:
+    if settings.fps is None or settings.frames is None:
+        return None
+    seed, shares = scene_seed(settings.seed, settings.split), tuple(settings.shares.items())
+    return video_frame(make_clip(seed, settings.frames, settings.fps, shares, settings.rigs), number)
 
 
 def _draw(made: Scene, part: Path, form: str) -> None:

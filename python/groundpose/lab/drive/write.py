@@ -17,11 +17,28 @@ from typing import Any
 from groundpose._checks import input_error, integer
 from groundpose._writing import LOCK, only_writer
 from groundpose.lab.drive.coco import write_lines
-from groundpose.lab.drive.record import TILT_COLUMNS, tilt_row
+from groundpose.lab.drive.record import (
+    ODOMETRY_COLUMNS,
+    TILT_COLUMNS,
+    odometry_row,
+    tilt_row,
+    tracking_lines,
+)
 from groundpose.lab.drive.rigs import DEFAULT_RIG
-from groundpose.lab.drive.workers import Frame, Settings, image_name, make_frames, temporary
+from groundpose.lab.drive.video.film import write_film
+from groundpose.lab.drive.workers import (
+    SUFFIX,
+    Frame,
+    Settings,
+    image_folder,
+    image_name,
+    make_frames,
+    temporary,
+)
 
 SETTINGS, LINES, TILT, COCO = "drive.json", "labels.jsonl", "tilt.csv", "keypoints_coco.json"
+ODOMETRY, TRACKS, FILM = "odometry.csv", "training/label_02/0000.txt", "video.mp4"
+"""Of a video."""
 
 Advance = Callable[[int, int, int], None]
 """Frames done, frames in all, objects labelled in this run."""
@@ -56,7 +73,7 @@ def write_drive(
             for count in added:
                 done, objects = done + 1, objects + count
                 advance(done, frames, objects)
-        if not (out / COCO).exists() or not (out / TILT).exists():
+        if not all((out / name).exists() for name in _covering(settings)):
             _summaries(out, settings)
     return objects
 
@@ -65,7 +82,7 @@ def _add_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Gen
     """Make these frames and record them; yields the number of objects of each."""
     if not numbers:
         return
-    for name in (TILT, COCO):  # they describe fewer frames
+    for name in _covering(settings):  # they describe fewer frames
         (out / name).unlink(missing_ok=True)
     try:
         with _appending(out / LINES) as append, closing(make_frames(out, numbers, settings, jobs)) as made:
@@ -73,7 +90,7 @@ def _add_frames(out: Path, numbers: range, settings: Settings, jobs: int) -> Gen
                 _keep(out, frame, settings, append)
                 yield frame.objects
     finally:
-        for part in (out / "training").glob("*/.*.part"):  # incomplete, or complete but not yet recorded
+        for part in (out / "training").glob("**/.*.part"):  # incomplete, or complete but not yet recorded
             part.unlink(missing_ok=True)
 
 
@@ -89,7 +106,7 @@ def _open_folder(out: Path, settings: Settings) -> None:
         found = {"rig": DEFAULT_RIG, **(found if isinstance(found, dict) else {})}
         for key, wanted in json.loads(json.dumps(asdict(settings))).items():
             if found.get(key) != wanted:
-                expected = f"{key} {found.get(key)!r}, with which the folder was begun"
+                expected = f"{key} {repr(found.get(key))[:100]}, with which the folder was begun"
                 raise input_error(str(out), expected, f"{wanted!r}; give another folder")
         return
     if any(path.name != LOCK for path in out.iterdir()):
@@ -100,7 +117,7 @@ def _open_folder(out: Path, settings: Settings) -> None:
 def _whole_frames(out: Path, settings: Settings) -> int:
     """Number of recorded frames; an incomplete last line is removed."""
     path = out / LINES
-    for folder in ("label_2", "calib", *(("image_2",) if settings.images else ())):
+    for folder in ("label_2", "calib", *((image_folder(settings),) if settings.images else ())):
         (out / "training" / folder).mkdir(parents=True, exist_ok=True)
     if not path.exists():
         return 0
@@ -144,7 +161,7 @@ def _keep(out: Path, frame: Frame, settings: Settings, append: Callable[[str], N
     _replace(out / "training" / "label_2" / f"{stem}.txt", [frame.kitti])
     _replace(out / "training" / "calib" / f"{stem}.txt", [frame.calibration])
     if settings.images:
-        picture = out / image_name(frame.number, settings.images)
+        picture = out / image_name(frame.number, settings)
         os.replace(temporary(picture), picture)
     append(frame.line)
 
@@ -169,8 +186,35 @@ def read_lines(path: Path) -> Iterator[dict[str, Any]]:
             yield json.loads(line)
 
 
+def _covering(settings: Settings) -> tuple[str, ...]:
+    """The files that cover all frames."""
+    if settings.fps is None:
+        return TILT, COCO
+    return TILT, COCO, ODOMETRY, TRACKS, *((FILM,) if settings.images == "mp4" else ())
+
+
 def _summaries(out: Path, settings: Settings) -> None:
     """Write the files that cover all frames."""
     header = ",".join(TILT_COLUMNS) + "\n"
     _replace(out / TILT, (header, *map(tilt_row, read_lines(out / LINES))))
-    _replace(out / COCO, write_lines(read_lines(out / LINES), f".{settings.images or 'png'}"))
+    suffix = SUFFIX[settings.images or "png"]
+    _replace(out / COCO, write_lines(read_lines(out / LINES), f".{suffix}"))
+    if settings.fps is None:
+        return
+    header = ",".join(ODOMETRY_COLUMNS) + "\n"
+    _replace(out / ODOMETRY, (header, *map(odometry_row, read_lines(out / LINES))))
+    (out / TRACKS).parent.mkdir(parents=True, exist_ok=True)
+    _replace(
+        out / TRACKS, (tracking_lines(frame, _kitti(out, frame["id"])) for frame in read_lines(out / LINES))
+    )
+    calibration = (out / "training" / "calib" / "000000.txt").read_text(encoding="utf-8")
+    _replace(out / "training" / "calib" / "0000.txt", [calibration])
+    if settings.images == "mp4":
+        pictures = [out / frame["image"] for frame in read_lines(out / LINES)]
+        part = temporary(out / FILM)
+        write_film(part, pictures, settings.fps)
+        os.replace(part, out / FILM)
+
+
+def _kitti(out: Path, number: int) -> str:
+    return (out / "training" / "label_2" / f"{number:06d}.txt").read_text(encoding="utf-8")

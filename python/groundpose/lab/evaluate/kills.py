@@ -85,25 +85,26 @@ CASES = {
 }
 
 
-def run(
-    case: Case, times: int, rng: random.Random, tell: Callable[[str], None] = lambda text: None
-) -> dict[str, Any]:
-    """Interrupt a command so often in the current folder; what was found."""
+def run(case: Case, times: int, rng: random.Random) -> dict[str, Any]:
+    """Interrupt a command so often in the current folder; what was found. A run that finishes before its
+    signal does not count."""
     case.make()
     Path(case.out).mkdir()
     seconds = _undisturbed(case)
     expected = _contents(Path(case.out))
     shutil.rmtree(case.out)
     Path(case.out).mkdir()
-    found: dict[str, Any] = {"seconds": round(seconds, 1), "ended_early": 0, "finished": 0}
+    found: dict[str, Any] = {"seconds": round(seconds, 1), "interruptions": 0, "finished_before": 0}
     found |= {"half_files": [], "left_processes": 0}
-    for number in range(times):
-        sent = SIGNALS[number % len(SIGNALS)]
+    while found["interruptions"] < times:
+        sent = SIGNALS[found["interruptions"] % len(SIGNALS)]
         finished, left = _interrupted(case, sent, rng.uniform(0.0, min(seconds, _LATEST)))
-        found["finished" if finished else "ended_early"] += 1
+        found["finished_before" if finished else "interruptions"] += 1
         found["left_processes"] += left
         found["half_files"] += [f"{sent.name}: {line}" for line in halves(Path(case.out))]
-        tell(f"{number + 1} of {times}")
+        if finished:  # from the start again
+            shutil.rmtree(case.out)
+            Path(case.out).mkdir()
     _undisturbed(case)
     found["half_files"] += [f"at the end: {line}" for line in halves(Path(case.out))]
     found["left_notes"] = sorted(name for name in _names(Path(case.out)) if _is_note(name))
@@ -189,7 +190,7 @@ def main() -> None:
         if given.only in name:
             with tempfile.TemporaryDirectory() as folder:
                 os.chdir(folder)
-                cases[name] = {"command": f"groundpose {case.arguments}", "interruptions": given.times}
+                cases[name] = {"command": f"groundpose {case.arguments}"}
                 cases[name] |= run(case, given.times, random.Random(given.seed))
                 os.chdir(out.parent)
             found = cases[name]

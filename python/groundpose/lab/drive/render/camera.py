@@ -54,11 +54,18 @@ def plain(linear: Radiance, exposure: float) -> Image:
     return as_bytes(curve(linear * np.float32(exposure), 0.5))
 
 
-def develop(linear: Radiance, scene: Scene, window: Window, rng: np.random.Generator) -> Image:
-    """The picture (H, W, 3) uint8 of radiance (H, W, 3) drawn for a window of the frame."""
+def develop(
+    linear: Radiance,
+    scene: Scene,
+    window: Window,
+    rng: np.random.Generator,
+    grain: np.random.Generator | None = None,
+) -> Image:
+    """The picture (H, W, 3) uint8 of radiance (H, W, 3) drawn for a window of the frame; `grain` draws what
+    differs between the frames of a video, None: `rng` too."""
     assert scene.camera.image_size is not None
     scale, gain = window.width / (window.right - window.left), _GAINS.get(scene.light.kind, 1.0)
-    shot = Shot(scene.light.exposure, window, scene.camera.image_size, scale, rng, gain)
+    shot = Shot(scene.light.exposure, window, scene.camera.image_size, scale, rng, gain, grain)
     picture = linear
     for chance, stage in STAGES:
         # Each stage has its own numbers even if it is not used, so that stages do not affect each other.

@@ -21,7 +21,7 @@ def rain(x: Radiance, shot: Shot) -> Radiance:
     """Streaks of falling drops, slightly inclined."""
     height, width = x.shape[:2]
     length = max(2, round(shot.rng.uniform(6.0, 25.0) * shot.scale))
-    drops = shot.rng.random((height + length, width), dtype=np.float32) < shot.rng.uniform(0.0008, 0.004)
+    drops = shot.grains.random((height + length, width), dtype=np.float32) < shot.rng.uniform(0.0008, 0.004)
     fallen = np.cumsum(drops, axis=0, dtype=np.float32)
     streaks = fallen[length:] - fallen[:-length]
     slanted = np.arange(width) + (shot.rng.normal(0.0, 0.15) * np.arange(height)).astype(int)[:, None]

@@ -64,7 +64,10 @@ class Renderer:
         linear = self._draw(scene, window)
         if not effects:
             return camera.plain(linear, scene.light.exposure)
-        return camera.develop(linear, scene, window, np.random.default_rng([84, scene.seed, scene.number]))
+        own = np.random.default_rng([84, scene.seed, scene.number])
+        if scene.film:
+            return camera.develop(linear, scene, window, np.random.default_rng([87, scene.seed]), own)
+        return camera.develop(linear, scene, window, own)
 
     def crop(
         self, scene: Scene, index: int, box: object, size: tuple[int, int], effects: bool = True

@@ -30,9 +30,9 @@ def noise(x: Radiance, shot: Shot) -> Radiance:
     fraction = 1.0 / max(1.0, 1.0 / shot.scale)
     strength = shot.gain * np.exp(shot.rng.normal(-4.4, 0.75)) * fraction
     sigma = strength * np.sqrt(np.maximum(x, 0.0) + 0.02)
-    common = shot.rng.standard_normal(x.shape[:2], dtype=np.float32)[..., None]
+    common = shot.grains.standard_normal(x.shape[:2], dtype=np.float32)[..., None]
     half = (x.shape[0] // 2 + 1, x.shape[1] // 2 + 1, 3)
-    colour = scaled_to(shot.rng.standard_normal(half, dtype=np.float32), x.shape[:2]) * np.float32(1.2)
+    colour = scaled_to(shot.grains.standard_normal(half, dtype=np.float32), x.shape[:2]) * np.float32(1.2)
     return np.asarray(x + (sigma * (0.75 * common + shot.rng.uniform(0.3, 1.0) * colour)).astype(np.float32))
 
 

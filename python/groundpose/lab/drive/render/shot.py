@@ -14,7 +14,7 @@ from groundpose.lab.drive.render.view import Window
 @dataclass
 class Shot:
     """One exposure: where it lies in the frame, drawn pixels per pixel of the frame, its generator, the
-    amplification of the sensor (1 by day)."""
+    amplification of the sensor (1 by day), in a video a generator for each frame."""
 
     exposure: float
     window: Window
@@ -22,6 +22,12 @@ class Shot:
     scale: float
     rng: np.random.Generator
     gain: float = 1.0
+    grain: np.random.Generator | None = None
+
+    @property
+    def grains(self) -> np.random.Generator:
+        """Draws noise and drops, which are new in each frame of a video."""
+        return self.rng if self.grain is None else self.grain
 
     def corner(self, cell: int) -> tuple[int, int]:
         """Column and row of the window's first pixel within its cell of `cell` x `cell` pixels of the frame;

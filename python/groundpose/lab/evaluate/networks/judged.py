@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose import Options, estimate_poses
+from groundpose import Options, ShapeModel, estimate_poses
 from groundpose._checks import FloatArray
 from groundpose.keypoints.decode import VIEWING_ANGLES
 from groundpose.keypoints.network import VEHICLE_THRESHOLD, Network
@@ -89,24 +90,35 @@ def other_half(probabilities: FloatArray, alpha: FloatArray) -> FloatArray:
 
 def _poses(network: Network, seen: Renders, found: Answers) -> FloatArray:
     """R (N, 3, 3), NaN without an answer, with the class found."""
+    given = _given(network, found)
+    R = np.full((len(seen.R), 3, 3), np.nan)
+    for view, rows in zip(seen.views, seen.rows, strict=True):
+        poses = estimate_poses(view, *given(rows), EVERY_ANSWER, threads=1)
+        R[rows[poses.ok]] = poses.R[poses.ok]
+    return R
+
+
+Given = Callable[[NDArray[np.intp]], tuple[list[FloatArray], FloatArray, list[ShapeModel], list[FloatArray]]]
+"""Of rows of renders: keypoints, boxes, models and scores for `estimate_poses`."""
+
+
+def found_by(network: Network, seen: Renders) -> Given:
+    """What a network says of renders, every vehicle with its true box."""
+    return _given(network, answers(network.detect, seen.crops, network.codec))
+
+
+def _given(network: Network, found: Answers) -> Given:
     points = network.codec.image_from_crop(found.detections.keypoints, found.windows)
     scores = network.calibration.scores(found.detections, found.sides_in_crop)
     classes = [CLASSES[i] for i in found.detections.class_probabilities.argmax(axis=1)]
     own = [keypoint_indices(class_name) for class_name in classes]
     boxes = found.labels["box"].astype(np.float64)
-    R = np.full((len(classes), 3, 3), np.nan)
-    for view, rows in zip(seen.views, seen.rows, strict=True):
-        poses = estimate_poses(
-            view,
-            [points[i, own[i]] for i in rows],
-            boxes[rows],
-            [shape_model(classes[i]) for i in rows],
-            [scores[i, own[i]] for i in rows],
-            EVERY_ANSWER,
-            threads=1,
-        )
-        R[rows[poses.ok]] = poses.R[poses.ok]
-    return R
+    return lambda rows: (
+        [points[i, own[i]] for i in rows],
+        boxes[rows],
+        [shape_model(classes[i]) for i in rows],
+        [scores[i, own[i]] for i in rows],
+    )
 
 
 def _mean(values: FloatArray) -> float | None:

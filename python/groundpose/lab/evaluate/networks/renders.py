@@ -99,7 +99,7 @@ class Renders:
 
     Attributes:
         views: the true view of each frame. rows: which crops each frame has.
-        R: (N, 3, 3), alpha: (N,) KITTI's viewing angle, radians; direction: (N,) atan2(x, z) of the vehicle.
+        R: (N, 3, 3), alpha: (N,) KITTI's viewing angle, radians; location: (N, 3) bottom centre.
     """
 
     crops: Crops
@@ -107,7 +107,12 @@ class Renders:
     rows: list[NDArray[np.intp]]
     R: FloatArray
     alpha: FloatArray
-    direction: FloatArray
+    location: FloatArray
+
+    @property
+    def direction(self) -> FloatArray:
+        """(N,) atan2(x, z) of the vehicle."""
+        return np.asarray(np.arctan2(self.location[:, 0], self.location[:, 2]))
 
 
 @cache
@@ -137,7 +142,7 @@ def with_truth(crops: Crops, rig: Rig) -> Renders:
         rows.append(np.array(places))
     R, location = np.array([label.R for label in found]), np.array([label.location for label in found])
     alpha = np.array([label.alpha for label in found])
-    return Renders(crops, views, rows, R, alpha, np.arctan2(location[:, 0], location[:, 2]))
+    return Renders(crops, views, rows, R, alpha, location)
 
 
 def labelled(seen: dict[int, Label], crop: Records, tolerance: float = 0.01) -> Label:
@@ -167,5 +172,5 @@ def moved(seen: Renders, looks: int, noise: float = 0.03) -> Renders:
         [np.add.outer(starts, rows).ravel() for rows in seen.rows],
         np.tile(seen.R, (looks, 1, 1)),
         np.tile(seen.alpha, looks),
-        np.tile(seen.direction, looks),
+        np.tile(seen.location, (looks, 1)),
     )

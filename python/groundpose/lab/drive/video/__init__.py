@@ -1,0 +1,1 @@
+"""The virtual drive as video: vehicles that persist, with ids, speeds and yaw rates."""

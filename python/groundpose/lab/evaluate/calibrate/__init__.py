@@ -1,0 +1,1 @@
+"""How well a camera is calibrated by the traffic before it: drives on a mast with exact truth."""
