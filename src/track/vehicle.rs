@@ -22,7 +22,6 @@ pub(crate) struct Moment {
 struct Past {
     moment: Moment,
     sighting: Option<usize>,
-    standing: bool,
     step: Step,
 }
 
@@ -83,8 +82,13 @@ impl Vehicle {
     }
 
     fn keep(&mut self, moment: &Moment, sighting: Option<usize>) {
-        let step = Step { by_before: self.by_before, predicted: self.predicted, updated: self.filter.belief };
-        self.history.push_back(Past { moment: *moment, sighting, standing: self.filter.told().standing, step });
+        let step = Step {
+            by_before: self.by_before,
+            predicted: self.predicted,
+            updated: self.filter.belief,
+            standing: self.filter.told().standing,
+        };
+        self.history.push_back(Past { moment: *moment, sighting, step });
     }
 
     fn count_class(&mut self, seen: &Sighting) {
@@ -136,8 +140,9 @@ impl Vehicle {
         let known = if kept == 0 { last_seen } else { steps.len() };
         let told = self.filter.told();
         let out = steps.len().saturating_sub(kept).min(known);
-        for (past, belief) in self.history.iter().zip(smoothed(&steps[..known])).take(out) {
-            let told = Told { standing: past.standing, ..told };
+        let smoothed = smoothed(&steps[..known], self.filter.speed_sigma());
+        for (past, (belief, standing)) in self.history.iter().zip(smoothed).take(out) {
+            let told = Told { standing, ..told };
             rows.push(self.completed(past, row_of(&belief, &told, past.moment.camera)));
         }
         self.history.drain(..out);
