@@ -36,6 +36,10 @@ const AXLE: f64 = 0.3;
 const USUAL_LENGTH: f64 = 4.3;
 /// Slipping: m/s, fraction of the speed, fraction of what the axle explains; forgotten within so many seconds.
 const SLIP: (f64, f64, f64, f64) = (0.1, 0.01, 0.5, 0.5);
+/// Of the velocity of one that has moved and may stand, m/s.
+const SLOWING_SIGMA: f64 = 2.0;
+/// A vehicle has moved: speed, m/s, beside so many standard deviations.
+const SURELY_MOVES: (f64, f64) = (0.5, 3.0);
 /// Places that drift away, squared statistical distance of their mean over so many seconds: it has moved off.
 const MOVED_OFF: (f64, f64) = (16.0, 0.7);
 /// Standard deviation of its velocity then.
@@ -79,6 +83,7 @@ pub struct VehicleFilter {
     /// Means of the logarithms of stated standard deviations: of distance and bearing, in distances, and of heading.
     stated: Vector3<f64>,
     standing: bool,
+    has_moved: bool,
     drift: Vector2<f64>,
     camera: Camera2,
     options: TrackOptions,
@@ -113,6 +118,7 @@ impl VehicleFilter {
             scale_sigma,
             stated: spread_of(&seen.reading),
             standing: false,
+            has_moved: false,
             drift: Vector2::zeros(),
             camera,
             options: *options,
@@ -226,7 +232,9 @@ impl VehicleFilter {
             self.keep_along_axis(dt);
             self.judge_standing();
             let (along, by_along) = self.belief.along();
-            self.facing.drive(along, sqrt(self.belief.variance(&by_along)));
+            let sigma = sqrt(self.belief.variance(&by_along));
+            self.has_moved |= along.abs() > SURELY_MOVES.0 + SURELY_MOVES.1 * sigma;
+            self.facing.drive(along, sigma);
         }
     }
 
@@ -356,7 +364,7 @@ impl VehicleFilter {
 
     fn judge_standing(&mut self) {
         if !self.standing {
-            self.standing = standing::is_likely(&self.belief, self.options.speed_sigma);
+            self.standing = standing::is_likely(&self.belief, self.moving_sigma());
             self.drift = Vector2::zeros();
         }
         if self.standing {
@@ -382,10 +390,9 @@ impl VehicleFilter {
         }
     }
 
-    #[cfg(feature = "std")]
-    /// Of a speed before anything is seen of it.
-    pub(crate) fn speed_sigma(&self) -> f64 {
-        self.options.speed_sigma
+    /// Standard deviation of its velocity if it does not stand: one that has moved stops slowly.
+    pub(crate) fn moving_sigma(&self) -> f64 {
+        if self.has_moved { SLOWING_SIGMA.min(self.options.speed_sigma) } else { self.options.speed_sigma }
     }
 
     /// What rows say beside the belief.

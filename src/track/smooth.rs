@@ -14,8 +14,8 @@ pub(crate) struct Step {
 }
 
 /// Beliefs given all steps, in order, and whether the vehicle stands: one that stands later stood before, as far back as
-/// nothing says that it moved. `speed_sigma`: of vehicles of which nothing is known.
-pub(crate) fn smoothed(steps: &[Step], speed_sigma: f64) -> Vec<(Belief, bool)> {
+/// nothing says that it moved. `moving_sigma`: of its velocity where it moves.
+pub(crate) fn smoothed(steps: &[Step], moving_sigma: f64) -> Vec<(Belief, bool)> {
     let mut found: Vec<(Belief, bool)> = steps.iter().map(|step| (step.updated, step.standing)).collect();
     for k in (0..steps.len().saturating_sub(1)).rev() {
         let (now, next, (later, stands_later)) = (&steps[k].updated, &steps[k + 1], found[k + 1]);
@@ -25,7 +25,7 @@ pub(crate) fn smoothed(steps: &[Step], speed_sigma: f64) -> Vec<(Belief, bool)> 
         let mean = now.mean + gain * (later.mean - next.predicted.mean);
         let covariance = now.covariance + gain * (later.covariance - next.predicted.covariance) * gain.transpose();
         let mut belief = Belief { mean, covariance: symmetric(&covariance) };
-        let stood = !steps[k].standing && stands_later && standing::is_likely(&belief, speed_sigma);
+        let stood = !steps[k].standing && stands_later && standing::is_likely(&belief, moving_sigma);
         if stood {
             standing::hold_still(&mut belief);
         }

@@ -13,10 +13,10 @@ const MOST_SIGMA: f64 = 1.5;
 const STILL: (f64, f64) = (0.05, 0.01);
 
 /// Against any velocity, of this standard deviation.
-pub(crate) fn is_likely(belief: &Belief, speed_sigma: f64) -> bool {
+pub(crate) fn is_likely(belief: &Belief, moving_sigma: f64) -> bool {
     let v = Vector2::new(belief.mean[VX], belief.mean[VZ]);
     let still = belief.covariance.fixed_view::<2, 2>(VX, VX) + Matrix2::identity() * square(STILL.0);
-    let moving = still + Matrix2::identity() * square(speed_sigma);
+    let moving = still + Matrix2::identity() * square(moving_sigma);
     let (Some(near), Some(far)) = (still.try_inverse(), moving.try_inverse()) else { return false };
     let factor = 0.5 * log(moving.determinant() / still.determinant()) - 0.5 * v.dot(&((near - far) * v));
     factor > LEAST_FACTOR && still.trace() < square(MOST_SIGMA)

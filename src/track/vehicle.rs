@@ -140,7 +140,7 @@ impl Vehicle {
         let known = if kept == 0 { last_seen } else { steps.len() };
         let told = self.filter.told();
         let out = steps.len().saturating_sub(kept).min(known);
-        let smoothed = smoothed(&steps[..known], self.filter.speed_sigma());
+        let smoothed = smoothed(&steps[..known], self.filter.moving_sigma());
         for (past, (belief, standing)) in self.history.iter().zip(smoothed).take(out) {
             let told = Told { standing, ..told };
             rows.push(self.completed(past, row_of(&belief, &told, past.moment.camera)));
