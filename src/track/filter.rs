@@ -48,7 +48,7 @@ const MOVING_OFF_SIGMA: f64 = 3.0;
 #[cfg(feature = "std")]
 const MOST_OF_AXIS: f64 = 3.0;
 #[cfg(feature = "std")]
-const LEAST_FACING: f64 = 0.08;
+const LEAST_FACING: f64 = 0.03;
 /// Errors of poses have tails at least and at most as heavy as Student's t with so many degrees of freedom.
 const DOF: (f64, f64) = (3.0, 8.0);
 

@@ -9,6 +9,9 @@ use crate::track::row::{Told, TrackRow, row_of};
 use crate::track::sighting::Sighting;
 use crate::track::smooth::{Step, smoothed};
 
+/// How much a new box changes how its sides move.
+const BOX_RATE: f64 = 0.3;
+
 /// When a vehicle was looked for, and from where.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moment {
@@ -107,7 +110,8 @@ impl Vehicle {
         let dt = (time - self.last_seen).max(1e-3);
         for k in 0..4 {
             let rate = (bbox[k] - self.bbox[k]) / dt;
-            self.bbox_rate[k] = if rate.is_finite() { 0.5 * (self.bbox_rate[k] + rate) } else { 0.0 };
+            self.bbox_rate[k] =
+                if rate.is_finite() { self.bbox_rate[k] + BOX_RATE * (rate - self.bbox_rate[k]) } else { 0.0 };
         }
         self.bbox = *bbox;
     }
