@@ -9,12 +9,12 @@ use crate::track::sighting::Sighting;
 use crate::track::vehicle::{Moment, Vehicle};
 
 /// Costs are log probabilities: nothing costs more than this, and a pair that costs more is none.
-const MOST: f64 = 13.0;
+const MOST: f64 = 17.0;
 /// A place, and axis and front, say no more than this of boxes that overlap.
-const MOST_OF_PLACE: f64 = 5.0;
+const MOST_OF_PLACE: f64 = 3.0;
 const MOST_OF_FACING: f64 = 3.0;
 /// 2D boxes that do not overlap.
-const OF_BOX: f64 = 8.0;
+const OF_BOX: f64 = 12.0;
 /// Another class.
 const OF_CLASS: f64 = 1.5;
 /// A second in which it was not seen.

@@ -39,7 +39,7 @@ const SLIP: (f64, f64, f64, f64) = (0.1, 0.01, 0.5, 0.5);
 /// Of the velocity of one that has moved and may stand, m/s.
 const SLOWING_SIGMA: f64 = 2.0;
 /// A vehicle has moved: speed, m/s, beside so many standard deviations.
-const SURELY_MOVES: (f64, f64) = (0.5, 3.0);
+const SURELY_MOVES: (f64, f64) = (0.3, 2.5);
 /// Places that drift away, squared statistical distance of their mean over so many seconds: it has moved off.
 const MOVED_OFF: (f64, f64) = (16.0, 0.7);
 /// Standard deviation of its velocity then.

@@ -10,7 +10,7 @@ use crate::track::sighting::Sighting;
 use crate::track::smooth::{Step, smoothed};
 
 /// How much a new box changes how its sides move.
-const BOX_RATE: f64 = 0.3;
+const BOX_RATE: f64 = 0.2;
 
 /// When a vehicle was looked for, and from where.
 #[derive(Clone, Copy, Debug)]
