@@ -69,6 +69,7 @@ const ROOMS: [(&str, &[&str]); 12] = [
             "row",
             "filter",
             "smooth",
+            "standing",
             "vehicle",
             "associate",
             "tracker",

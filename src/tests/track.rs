@@ -115,11 +115,11 @@ fn coverage(smooth: bool, turning: f64) -> [f64; 3] {
         let mut truths = vec![];
         let mut now = vec![];
         for k in 0..50 {
-            let white = (1.0 - constant - slow).sqrt();
+            let own = options.own_fraction;
             let errors = [
-                scale + sigma_d * (slow.sqrt() * d + white * random.normal()),
+                scale + sigma_d * ((0.5 * slow).sqrt() * d + (0.5 * own).sqrt() * random.normal()),
                 random.normal(),
-                sigma_h * (slow.sqrt() * h + (1.0 - slow).sqrt() * random.normal()),
+                sigma_h * (slow.sqrt() * h + own.sqrt() * random.normal()),
             ];
             let found = tracker.update(DT * f64::from(k), None, &[seen(&truth, [0.0; 3], errors, (sigma_d, sigma_h))]);
             now.extend(found.unwrap().iter().copied());

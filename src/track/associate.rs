@@ -9,17 +9,18 @@ use crate::track::sighting::Sighting;
 use crate::track::vehicle::{Moment, Vehicle};
 
 /// Costs are log probabilities: nothing costs more than this, and a pair that costs more is none.
-const MOST: f64 = 16.0;
-/// A place says no more than this of boxes that overlap.
-const MOST_OF_PLACE: f64 = 8.0;
+const MOST: f64 = 17.0;
+/// A place, and axis and front, say no more than this of boxes that overlap.
+const MOST_OF_PLACE: f64 = 3.0;
+const MOST_OF_FACING: f64 = 3.0;
 /// 2D boxes that do not overlap.
-const OF_BOX: f64 = 8.0;
+const OF_BOX: f64 = 12.0;
 /// Another class.
 const OF_CLASS: f64 = 1.5;
+/// A second in which it was not seen.
+const OF_GAP: f64 = 2.0;
 /// Boxes that overlap so far are one vehicle, wherever the pose puts it.
 const OVERLAP: f64 = 0.4;
-/// Boxes older than this say nothing, s.
-const BOX_TIME: f64 = 0.6;
 /// For whole numbers: costs are compared exactly, on every machine alike.
 const UNITS: f64 = 1e6;
 
@@ -60,11 +61,11 @@ fn worths(
 ) -> Vec<Vec<(usize, i64)>> {
     let of = |vehicle: &Vehicle| {
         let expected = vehicle.expected_box(moment.time);
-        let fresh = moment.time - vehicle.last_seen <= BOX_TIME;
+        let gap = OF_GAP * (moment.time - vehicle.last_seen);
         let row = vehicle.filter.row(moment.camera);
         let pair = |(k, seen): (usize, &Sighting)| {
-            let overlap = overlap(&expected, &seen.bbox).filter(|_| fresh);
-            let worth = worth(options, vehicle, &row.seen_from, seen, moment, overlap);
+            let overlap = overlap(&expected, &seen.bbox);
+            let worth = worth(options, vehicle, &row.seen_from, seen, moment, overlap) - gap;
             (worth > 0.0).then_some((k, (worth * UNITS) as i64))
         };
         sightings.iter().enumerate().filter_map(pair).collect()
@@ -92,8 +93,11 @@ fn worth(
         return 0.0;
     }
     let of_class = if seen.class == vehicle.class() { 0.0 } else { OF_CLASS };
-    let of_place = if one_by_box { (0.5 * d2).min(MOST_OF_PLACE) } else { 0.5 * d2 };
-    MOST - of_place - facing - OF_BOX * (1.0 - overlap.unwrap_or(0.5)) - of_class
+    let (of_place, of_facing) = match one_by_box {
+        true => ((0.5 * d2).min(MOST_OF_PLACE), facing.min(MOST_OF_FACING)),
+        false => (0.5 * d2, facing),
+    };
+    MOST - of_place - of_facing - OF_BOX * (1.0 - overlap.unwrap_or(0.5)) - of_class
 }
 
 /// Intersection over union; none for boxes that are not known.

@@ -2,7 +2,8 @@
 //!
 //! The filter knows the axis of a vehicle. Pictures and motion say which way along it the vehicle faces. A network that
 //! takes a rear for a front does so again in the next frame: pictures a tenth of a second apart count as a fraction of
-//! one. Motion counts once, by the fastest it was seen: a vehicle that drove forward and then stops still faces there.
+//! one. Motion counts once, by the fastest it was seen: a vehicle that drove forward and then stops still faces there. One
+//! that later drives the other way, faster than anybody reverses, faces that way.
 
 use crate::geometry::math::{exp, log};
 
@@ -48,7 +49,8 @@ impl Facing {
         let [none, some, fast] = SPEEDS;
         let said = FORWARD * ((surely - none) / (some - none)).clamp(0.0, 1.0) + FASTER * (surely - fast).max(0.0);
         let said = said.min(MOST_FROM_MOTION);
-        if said > self.motion.abs() {
+        let reversed = (velocity < 0.0) != (self.motion < 0.0);
+        if said > self.motion.abs() || (said > FORWARD && reversed) {
             self.motion = if velocity < 0.0 { -said } else { said };
         }
     }

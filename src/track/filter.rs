@@ -12,6 +12,7 @@ use crate::track::options::{CameraMotion, TrackOptions};
 use crate::track::row::{Told, TrackRow, row_of, wrapped};
 use crate::track::sighting::{Reading, Sighting};
 use crate::track::size::SizeEstimate;
+use crate::track::standing;
 
 /// A network's errors are others when a vehicle has turned by so much, as the camera sees it, or is nearer by this factor,
 /// a logarithm.
@@ -35,10 +36,10 @@ const AXLE: f64 = 0.3;
 const USUAL_LENGTH: f64 = 4.3;
 /// Slipping: m/s, fraction of the speed, fraction of what the axle explains; forgotten within so many seconds.
 const SLIP: (f64, f64, f64, f64) = (0.1, 0.01, 0.5, 0.5);
-/// A vehicle stands: log of the Bayes factor, largest standard deviation of its speed, m/s.
-const STANDS: (f64, f64) = (4.0, 0.6);
-/// Of a vehicle that stands: speed m/s, yaw rate rad/s.
-const STILL: (f64, f64) = (0.05, 0.01);
+/// Of the velocity of one that has moved and may stand, m/s.
+const SLOWING_SIGMA: f64 = 2.0;
+/// A vehicle has moved: speed, m/s, beside so many standard deviations.
+const SURELY_MOVES: (f64, f64) = (0.3, 2.5);
 /// Places that drift away, squared statistical distance of their mean over so many seconds: it has moved off.
 const MOVED_OFF: (f64, f64) = (16.0, 0.7);
 /// Standard deviation of its velocity then.
@@ -47,7 +48,7 @@ const MOVING_OFF_SIGMA: f64 = 3.0;
 #[cfg(feature = "std")]
 const MOST_OF_AXIS: f64 = 3.0;
 #[cfg(feature = "std")]
-const LEAST_FACING: f64 = 0.08;
+const LEAST_FACING: f64 = 0.03;
 /// Errors of poses have tails at least and at most as heavy as Student's t with so many degrees of freedom.
 const DOF: (f64, f64) = (3.0, 8.0);
 
@@ -82,6 +83,7 @@ pub struct VehicleFilter {
     /// Means of the logarithms of stated standard deviations: of distance and bearing, in distances, and of heading.
     stated: Vector3<f64>,
     standing: bool,
+    has_moved: bool,
     drift: Vector2<f64>,
     camera: Camera2,
     options: TrackOptions,
@@ -116,6 +118,7 @@ impl VehicleFilter {
             scale_sigma,
             stated: spread_of(&seen.reading),
             standing: false,
+            has_moved: false,
             drift: Vector2::zeros(),
             camera,
             options: *options,
@@ -229,7 +232,9 @@ impl VehicleFilter {
             self.keep_along_axis(dt);
             self.judge_standing();
             let (along, by_along) = self.belief.along();
-            self.facing.drive(along, sqrt(self.belief.variance(&by_along)));
+            let sigma = sqrt(self.belief.variance(&by_along));
+            self.has_moved |= along.abs() > SURELY_MOVES.0 + SURELY_MOVES.1 * sigma;
+            self.facing.drive(along, sigma);
         }
     }
 
@@ -357,23 +362,13 @@ impl VehicleFilter {
         self.belief.update_one(&h, residual, variance / weight);
     }
 
-    /// Whether it stands; one that stands has no speed.
     fn judge_standing(&mut self) {
         if !self.standing {
-            let v = Vector2::new(self.belief.mean[VX], self.belief.mean[VZ]);
-            let p = self.belief.covariance.fixed_view::<2, 2>(VX, VX) + Matrix2::identity() * square(STILL.0);
-            let any = p + Matrix2::identity() * square(self.options.speed_sigma);
-            let (Some(near), Some(far)) = (p.try_inverse(), any.try_inverse()) else { return };
-            let factor = 0.5 * log(any.determinant() / p.determinant()) - 0.5 * v.dot(&((near - far) * v));
-            self.standing = factor > STANDS.0 && p.trace() < square(STANDS.1);
+            self.standing = standing::is_likely(&self.belief, self.moving_sigma());
             self.drift = Vector2::zeros();
         }
         if self.standing {
-            for (k, sigma) in [(VX, STILL.0), (VZ, STILL.0), (TURNING, STILL.1), (ACCELERATION, STILL.0)] {
-                let mut h = State::zeros();
-                h[k] = 1.0;
-                self.belief.update_one(&h, -self.belief.mean[k], square(sigma));
-            }
+            standing::hold_still(&mut self.belief);
         }
     }
 
@@ -393,6 +388,11 @@ impl VehicleFilter {
             self.belief.covariance[(TURNING, TURNING)] += square(ANY_TURNING);
             self.belief.covariance[(ACCELERATION, ACCELERATION)] += square(self.options.acceleration_sigma);
         }
+    }
+
+    /// Standard deviation of its velocity if it does not stand: one that has moved stops slowly.
+    pub(crate) fn moving_sigma(&self) -> f64 {
+        if self.has_moved { SLOWING_SIGMA.min(self.options.speed_sigma) } else { self.options.speed_sigma }
     }
 
     /// What rows say beside the belief.

@@ -25,6 +25,7 @@ pub mod sighting;
 mod size;
 #[cfg(feature = "std")]
 mod smooth;
+mod standing;
 #[cfg(feature = "std")]
 pub mod tracker;
 #[cfg(feature = "std")]

@@ -9,6 +9,9 @@ use crate::track::row::{Told, TrackRow, row_of};
 use crate::track::sighting::Sighting;
 use crate::track::smooth::{Step, smoothed};
 
+/// How much a new box changes how its sides move.
+const BOX_RATE: f64 = 0.2;
+
 /// When a vehicle was looked for, and from where.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moment {
@@ -22,7 +25,6 @@ pub(crate) struct Moment {
 struct Past {
     moment: Moment,
     sighting: Option<usize>,
-    standing: bool,
     step: Step,
 }
 
@@ -83,8 +85,13 @@ impl Vehicle {
     }
 
     fn keep(&mut self, moment: &Moment, sighting: Option<usize>) {
-        let step = Step { by_before: self.by_before, predicted: self.predicted, updated: self.filter.belief };
-        self.history.push_back(Past { moment: *moment, sighting, standing: self.filter.told().standing, step });
+        let step = Step {
+            by_before: self.by_before,
+            predicted: self.predicted,
+            updated: self.filter.belief,
+            standing: self.filter.told().standing,
+        };
+        self.history.push_back(Past { moment: *moment, sighting, step });
     }
 
     fn count_class(&mut self, seen: &Sighting) {
@@ -103,7 +110,8 @@ impl Vehicle {
         let dt = (time - self.last_seen).max(1e-3);
         for k in 0..4 {
             let rate = (bbox[k] - self.bbox[k]) / dt;
-            self.bbox_rate[k] = if rate.is_finite() { 0.5 * (self.bbox_rate[k] + rate) } else { 0.0 };
+            self.bbox_rate[k] =
+                if rate.is_finite() { self.bbox_rate[k] + BOX_RATE * (rate - self.bbox_rate[k]) } else { 0.0 };
         }
         self.bbox = *bbox;
     }
@@ -136,8 +144,9 @@ impl Vehicle {
         let known = if kept == 0 { last_seen } else { steps.len() };
         let told = self.filter.told();
         let out = steps.len().saturating_sub(kept).min(known);
-        for (past, belief) in self.history.iter().zip(smoothed(&steps[..known])).take(out) {
-            let told = Told { standing: past.standing, ..told };
+        let smoothed = smoothed(&steps[..known], self.filter.moving_sigma());
+        for (past, (belief, standing)) in self.history.iter().zip(smoothed).take(out) {
+            let told = Told { standing, ..told };
             rows.push(self.completed(past, row_of(&belief, &told, past.moment.camera)));
         }
         self.history.drain(..out);

@@ -150,7 +150,8 @@ class Errors:
     def numbers(self) -> dict[str, float | int]:
         """For a table."""
         flipped = self.yaw_deg > FLIPPED_DEG
-        moving = ~np.isnan(self.speed_kmh)
+        # One that is known to stand still would make a median of speeds look good.
+        moving = ~np.isnan(self.speed_kmh) & ~self.standing
         found: dict[str, float | int] = {
             "answers": len(self.yaw_deg),
             "yaw above 30 deg %": percent(flipped),
