@@ -22,7 +22,7 @@ def halves(folder: Path) -> list[str]:
         below = path.relative_to(folder)
         if path.is_file() and not any(part.startswith(".") for part in below.parts):
             try:
-                _CHECKS.get(path.suffix, _any)(path)
+                _CHECKS.get(path.name, _CHECKS.get(path.suffix, _any))(path)
             except Exception as error:  # whatever a reader says of half a file
                 wrong.append(f"{below}: {type(error).__name__}: {error}")
     return wrong
@@ -95,10 +95,11 @@ def _any(path: Path) -> None:
     path.read_bytes()
 
 
-_CHECKS: dict[str, Callable[[Path], None]] = {
+_CHECKS: dict[str, Callable[[Path], object]] = {
     ".jsonl": _json_lines,
     ".json": _json,
     ".csv": _csv,
+    "command.txt": _lines,
     ".txt": _text,
     ".parquet": _parquet,
     ".png": _picture,
