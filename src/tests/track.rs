@@ -245,3 +245,31 @@ fn mistakes_of_the_caller_change_nothing() {
     assert_eq!(format!("{tracker:?}"), before);
     assert!(tracker.update(1e9, None, &[]).unwrap().is_empty(), "a gap of thirty years");
 }
+
+#[test]
+fn a_vehicle_that_enters_where_another_left_is_a_new_one() {
+    let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+    let mut truth = Truth([6.0, 80.0], 0.0, 12.0, 0.0);
+    let seen_with_box = |truth: &Truth, bbox: [f64; 4]| Sighting {
+        turned: 0.05,
+        bbox,
+        ..seen(truth, [0.0; 3], [0.0; 3], (0.08, 0.08))
+    };
+    for k in 0..30 {
+        let left = 700.0 - f64::from(k);
+        tracker.update(DT * f64::from(k), None, &[seen_with_box(&truth, [left, 135.0, left + 28.0, 156.0])]).unwrap();
+        truth = truth.later(DT, 0.0, 0.0);
+    }
+    let mut oncoming = Truth([3.0, 112.0], PI, 12.0, 0.0);
+    for k in 37..60 {
+        let top = 155.0 + 0.5 * f64::from(k - 37);
+        tracker.update(DT * f64::from(k), None, &[seen_with_box(&oncoming, [655.0, top, 673.0, top + 17.0])]).unwrap();
+        oncoming = oncoming.later(DT, 0.0, 0.0);
+    }
+    let rows = rows(&mut tracker);
+    for row in &rows {
+        let away = row.frame < 30;
+        assert_eq!(row.id, if away { 1 } else { 2 });
+        assert!(wrapped(row.heading - if away { 0.0 } else { PI }).abs() < 0.3, "{}: {}", row.frame, row.heading);
+    }
+}
