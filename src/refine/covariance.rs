@@ -75,7 +75,8 @@ pub(crate) struct SharedErrors {
 }
 
 impl SharedErrors {
-    fn widen(&self, covariance: &mut PoseCovariance, view: &View, t: &Vector3<f64>) {
+    /// Whether there are still numbers afterwards.
+    fn widen(&self, covariance: &mut PoseCovariance, view: &View, t: &Vector3<f64>) -> bool {
         if self.turn > 0.0 {
             let normal = view.r_camera_from_ground.column(1) * self.turn;
             let mut rotation = covariance.fixed_view_mut::<3, 3>(0, 0);
@@ -87,6 +88,7 @@ impl SharedErrors {
             let mut translation = covariance.fixed_view_mut::<3, 3>(3, 3);
             translation += across * square(self.shift / view.camera.fx * t.z);
         }
+        (self.turn == 0.0 && self.shift == 0.0) || covariance.iter().all(|x| x.is_finite())
     }
 }
 
@@ -104,8 +106,10 @@ pub(crate) fn covariance(
         5 => inverse::<11>(objective, state, errors.factor),
         _ => inverse::<{ 6 + MAX_MODES }>(objective, state, errors.factor),
     };
-    if let Some((pose, ..)) = &mut found {
-        errors.widen(pose, objective.view, &state.pose.t);
+    if let Some((pose, ..)) = &mut found
+        && !errors.widen(pose, objective.view, &state.pose.t)
+    {
+        return None;
     }
     found
 }
