@@ -16,12 +16,14 @@ __all__ = [
     "InputError",
     "Model",
     "Options",
+    "Tracker",
     "View",
     "build_info",
     "camera_state",
     "check_frame_priors",
     "default_frame_priors",
     "default_options",
+    "default_track_options",
     "estimate_batch",
     "region_radius2",
     "solve_frame",
@@ -150,8 +152,9 @@ def camera_state(
 ) -> dict[str, Any]: ...
 def default_track_options() -> dict[str, Any]: ...
 
+@final
 class Tracker:
-    def __init__(self, given: dict[str, Any]) -> None: ...
+    def __new__(cls, given: dict[str, Any]) -> Tracker: ...
     def update(
         self,
         time: float,

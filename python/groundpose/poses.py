@@ -367,11 +367,14 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         """`to_arrow` as a `pandas.DataFrame`. Raises InputError when pyarrow or pandas is not installed."""
         table = self.to_arrow(frame)
         try:
-            return table.to_pandas()
+            found = table.to_pandas()
         except ModuleNotFoundError as error:
             raise input_error(
                 "to_pandas", "pandas (pip install pandas)", f"no package {error.name}"
             ) from None
+        # not every version of pandas and pyarrow takes them along
+        found.attrs |= {key.decode(): text.decode() for key, text in table.schema.metadata.items()}
+        return found
 
     def to_records(self, frame: str = "") -> list[dict[str, Any]]:
         """`to_arrow` as plain Python: a dictionary for each object. Raises InputError without pyarrow."""
