@@ -81,8 +81,8 @@ def run(command: list[str], changes: dict[str, str], **more: Any) -> subprocess.
 
 
 def variants() -> dict[str, dict[str, str]]:
-    """Variables by the name of what they choose, of all that this processor and this NumPy can do, without what
-    they do untold, on which `make test` runs."""
+    """Variables by the name of what they choose, of all that this processor and this NumPy can do without
+    what they do untold, on which `make test` runs."""
     units, kernel = vector_units_and_kernel(WHOLE_PROCESSOR)
     _, usual = vector_units_and_kernel({})
     of_x86 = kernel and platform.machine().lower() in ("x86_64", "amd64")
