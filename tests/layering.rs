@@ -20,6 +20,8 @@ const ROOMS: [(&str, &[&str]); 12] = [
             "box_extremes",
             "box_sides",
             "normal",
+            "mad",
+            "modes",
             "keypoints",
             "normal_pose",
             "normal_joint",

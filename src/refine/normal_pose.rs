@@ -11,6 +11,7 @@ use crate::simd::lanes::{Unit, Vector};
 use crate::simd::projection::Projected;
 
 /// What a cost is summed over.
+#[derive(Clone, Copy)]
 pub(crate) struct Summands<'a> {
     pub(crate) blocks: &'a [Block],
     pub(crate) sides: Option<&'a Sides>,
@@ -22,7 +23,7 @@ pub(crate) struct Summands<'a> {
 impl Summands<'_> {
     /// Calls `add` with everything that has a residual: where it is, its cost, the weights of its column and row.
     #[inline(always)]
-    pub(crate) fn each<U: Unit>(&self, unit: U, add: impl FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2])) {
+    pub(crate) fn each<U: Unit>(&self, unit: U, add: impl Add<U::Vector>) {
         self.kernel.with(Each { summands: self, unit, add });
     }
 
@@ -32,6 +33,10 @@ impl Summands<'_> {
     }
 }
 
+/// What is done with four points.
+pub(crate) trait Add<V>: FnMut(Projected<V>, V, [V; 2]) {}
+impl<V, F: FnMut(Projected<V>, V, [V; 2])> Add<V> for F {}
+
 /// [`Summands::each`] once the kernel is known.
 struct Each<'a, U, F> {
     summands: &'a Summands<'a>,
@@ -39,7 +44,7 @@ struct Each<'a, U, F> {
     add: F,
 }
 
-impl<U: Unit, F: FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2])> WithRho for Each<'_, U, F> {
+impl<U: Unit, F: Add<U::Vector>> WithRho for Each<'_, U, F> {
     #[inline(always)]
     fn run(self, kernel: impl Rho) {
         let Self { summands, unit, mut add } = self;
@@ -101,16 +106,22 @@ impl<const D: usize> HotLoop for Linearise<'_, D> {
                 add_points(&q, w, &mut sums);
             },
         );
-        let mut totals = [0.0; SUMS];
-        for (totals, sums) in totals.as_chunks_mut().0.iter_mut().zip(sums.as_chunks().0) {
-            *totals = U::Vector::sums(*sums);
-        }
-        put_in_order(&totals, self.normal);
+        put_in_order(&add_up(&sums), self.normal);
     }
 }
 
+/// The sum of every vector, of which there are a multiple of four.
+#[inline(always)]
+pub(crate) fn add_up<V: Vector, const N: usize>(vectors: &[V; N]) -> [f64; N] {
+    let mut totals = [0.0; N];
+    for (totals, vectors) in totals.as_chunks_mut().0.iter_mut().zip(vectors.as_chunks().0) {
+        *totals = V::sums(*vectors);
+    }
+    totals
+}
+
 /// Gradient, normal equations without the zero between the translations along x and y, cost.
-const SUMS: usize = 28;
+pub(crate) const SUMS: usize = 28;
 
 /// Adds four points to gradient and normal equations, up to the signs of [`put_in_order`].
 ///
@@ -118,7 +129,7 @@ const SUMS: usize = 28;
 /// row, `M = sum w G^T G` is the block of the translation, `[P]x M` couples the rotation with it, and
 /// `[P]x M [P]x^T` is the block of the rotation; `P` is the rotated model point.
 #[inline(always)]
-fn add_points<V: Vector>(q: &Projected<V>, [wc, wr]: [V; 2], sums: &mut [V; SUMS]) {
+pub(crate) fn add_points<V: Vector>(q: &Projected<V>, [wc, wr]: [V; 2], sums: &mut [V; SUMS]) {
     let [px, py, pz] = q.p;
     // -b and -e
     let (b, e) = (q.u * q.inverse, q.v * q.inverse);
@@ -158,7 +169,7 @@ fn add_points<V: Vector>(q: &Projected<V>, [wc, wr]: [V; 2], sums: &mut [V; SUMS
 
 /// The sums of [`add_points`] with their signs, where they belong.
 #[inline(always)]
-fn put_in_order<const D: usize>(s: &[f64; SUMS], normal: &mut Normal<D>) {
+pub(crate) fn put_in_order<const D: usize>(s: &[f64; SUMS], normal: &mut Normal<D>) {
     normal.cost = s[SUMS - 1];
     normal.gradient[..6].copy_from_slice(&[-s[0], s[1], s[2], s[3], s[4], -s[5]]);
     let h = &mut normal.h;

@@ -7,7 +7,6 @@ use crate::geometry::camera::Camera;
 use crate::geometry::pose::Pose;
 use crate::geometry::view::{Tilt, View};
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
-use crate::refine::box_sides::point_jacobian;
 use crate::refine::kernels::Kernel;
 use crate::refine::normal::State;
 use crate::refine::objective::Objective;
@@ -113,31 +112,6 @@ fn moved<const D: usize>(state: &State, unknown: usize, step: f64) -> State {
 #[track_caller]
 fn assert_close(analytic: f64, numeric: f64, scale: f64, what: &str) {
     assert!((analytic - numeric).abs() < 1e-6 * scale, "{what}: {analytic} {numeric}");
-}
-
-#[test]
-fn of_one_point() {
-    for trial in 0..200 {
-        let p = Problem::random(trial);
-        let (camera, pose) = (&p.view.camera, &p.state.pose);
-        let x = p.mean[0];
-        let analytic = point_jacobian(camera, pose, x).unwrap();
-        let residual = |pose: &Pose, x: [f64; 3]| camera.centred(camera.project(&pose.transform(x)).unwrap());
-        for row in 0..2 {
-            for k in 0..6 {
-                let at = |step| residual(&moved::<6>(&p.state, k, step).pose, x)[row];
-                assert_close(analytic.pose[row][k], (at(STEP) - at(-STEP)) / (2.0 * STEP), 100.0, "pose");
-            }
-            for axis in 0..3 {
-                let at = |step: f64| {
-                    let mut moved = x;
-                    moved[axis] += step;
-                    residual(pose, moved)[row]
-                };
-                assert_close(analytic.point[row][axis], (at(STEP) - at(-STEP)) / (2.0 * STEP), 100.0, "point");
-            }
-        }
-    }
 }
 
 /// Gradient of the whole cost against differences of the cost.
