@@ -25,7 +25,7 @@ fn groups() -> [Group; 19] {
     let solver = |solver| Options { solver, max_iterations: 200, ..ours };
     let refinement = |refinement| Options { refinement, ..ours };
     [
-        group("cubes", 700, cube, ours, 0x0F5D_6ECC_107B_C540),
+        group("cubes", 700, cube, ours, 0xF1BE_8A05_667B_C175),
         group("vehicles", 2000, vehicle, ours, 0xA9AA_27DD_81BE_0B11),
         group("scores", 1000, scored, ours, 0x19AB_22B7_9F3F_43FE),
         group("shape modes", 1500, shaped, ours, 0xBFD3_D17B_7983_B1F8),

@@ -7,7 +7,7 @@ use crate::refine::kernels::{Kernel, Rho, WithRho};
 use crate::refine::normal::Normal;
 use crate::simd::blocks::Block;
 use crate::simd::dispatch::HotLoop;
-use crate::simd::lanes::{Unit, Vector};
+use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
 use crate::simd::projection::Projected;
 
 /// What a cost is summed over.
@@ -97,8 +97,26 @@ impl<const D: usize> HotLoop for Linearise<'_, D> {
 
     #[inline(always)]
     fn run<U: Unit>(self, unit: U) {
+        let Summands { blocks, camera, .. } = self.summands;
         let mut sums = [unit.zero(); SUMS];
-        self.summands.each(
+        let mut one_by_one = self.summands;
+        if blocks.len() > FEW_BLOCKS {
+            one_by_one.blocks = &[];
+            let mut weighed = Weighed::NONE;
+            for blocks in blocks.chunks(BLOCKS) {
+                Summands { blocks, sides: None, ..self.summands }.each(
+                    unit,
+                    #[inline(always)]
+                    |q, cost, [w, _]| {
+                        sums[SUMS - 1] += cost;
+                        weighed.push(unit, &q, w);
+                    },
+                );
+                weighed.add_vectors(unit, camera, &mut sums);
+            }
+            weighed.add_rest(unit, camera, &mut sums);
+        }
+        one_by_one.each(
             unit,
             #[inline(always)]
             |q, cost, w| {
@@ -107,6 +125,87 @@ impl<const D: usize> HotLoop for Linearise<'_, D> {
             },
         );
         put_in_order(&add_up(&sums), self.normal);
+    }
+}
+
+/// Up to so many blocks, points with a weight are not brought together: it costs more than it saves.
+const FEW_BLOCKS: usize = 16;
+/// Blocks that are weighed at a time.
+const BLOCKS: usize = 4;
+/// Numbers of a point, and room for each: of the points of these blocks, of less than a vector left over, and of a vector
+/// of which only the front counts.
+const NUMBERS: usize = 9;
+const ROOM: usize = BLOCKS * LANES + 2 * LANES;
+const WEIGHT: usize = 8;
+
+/// Points with a weight, side by side: an outlier's place in its block costs nothing in the sums that follow.
+struct Weighed {
+    /// Rotated model point, pixel, inverse depth, residuals, weight: of the first point, the second ...
+    numbers: [f64; NUMBERS * ROOM],
+    count: usize,
+}
+
+impl Weighed {
+    const NONE: Self = Self { numbers: [0.0; NUMBERS * ROOM], count: 0 };
+
+    /// Four points from place `k` on, number by number.
+    #[inline(always)]
+    fn at(&mut self, k: usize) -> Option<&mut [f64; (NUMBERS - 1) * ROOM + LANES]> {
+        self.numbers.get_mut(k..)?.first_chunk_mut()
+    }
+
+    /// Adds those of four points that have a weight.
+    #[inline(always)]
+    fn push<U: Unit>(&mut self, unit: U, q: &Projected<U::Vector>, weight: U::Vector) {
+        let bits = (weight - unit.splat(f64::MIN_POSITIVE)).bits_at_least_zero();
+        let [px, py, pz] = q.p;
+        let numbers = [px, py, pz, q.u, q.v, q.inverse, q.du, q.dv, weight];
+        if let Some(place) = self.at(self.count) {
+            for k in 0..NUMBERS {
+                place[k * ROOM..k * ROOM + LANES].copy_from_slice(&unit.packed(numbers[k], bits).lanes().0);
+            }
+        }
+        self.count += bits.count_ones() as usize;
+    }
+
+    /// Adds the points from place `k` on to the sums.
+    #[inline(always)]
+    fn add<U: Unit>(&mut self, unit: U, camera: &Camera, k: usize, sums: &mut [U::Vector; SUMS]) {
+        let Some(place) = self.at(k) else { return };
+        let mut n = [unit.zero(); NUMBERS];
+        for k in 0..NUMBERS {
+            n[k] = unit.load(Lanes([place[k * ROOM], place[k * ROOM + 1], place[k * ROOM + 2], place[k * ROOM + 3]]));
+        }
+        let [px, py, pz, u, v, inverse, du, dv, w] = n;
+        let (a, d) = (inverse * camera.fx, inverse * camera.fy);
+        add_points(&Projected { p: [px, py, pz], depth: pz, inverse, a, d, u, v, du, dv }, [w, w], sums);
+    }
+
+    /// Adds whole vectors of points to the sums; what is left over comes to the front.
+    #[inline(always)]
+    fn add_vectors<U: Unit>(&mut self, unit: U, camera: &Camera, sums: &mut [U::Vector; SUMS]) {
+        let whole = self.count / LANES * LANES;
+        for k in (0..whole).step_by(LANES) {
+            self.add(unit, camera, k, sums);
+        }
+        if whole > 0 {
+            for k in 0..NUMBERS {
+                self.numbers.copy_within(k * ROOM + whole..k * ROOM + whole + LANES, k * ROOM);
+            }
+        }
+        self.count -= whole;
+    }
+
+    /// Adds less than a vector, filled up by its first point without a weight.
+    #[inline(always)]
+    fn add_rest<U: Unit>(&mut self, unit: U, camera: &Camera, sums: &mut [U::Vector; SUMS]) {
+        if self.count > 0 {
+            for k in 0..NUMBERS {
+                let first = if k == WEIGHT { 0.0 } else { self.numbers[k * ROOM] };
+                self.numbers[k * ROOM + self.count..k * ROOM + LANES].fill(first);
+            }
+            self.add(unit, camera, 0, sums);
+        }
     }
 }
 
