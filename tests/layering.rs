@@ -70,6 +70,7 @@ const ROOMS: [(&str, &[&str]); 12] = [
             "model",
             "row",
             "standing",
+            "measure",
             "filter",
             "smooth",
             "vehicle",
