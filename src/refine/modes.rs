@@ -29,9 +29,7 @@ impl<'a> Modes<'a> {
         let height = rows_per_block(model.eigenvalues().len());
         let rows: &'a [Row] = match room.get_mut(..height * visible.len().div_ceil(LANES)) {
             Some(rows) if height > 0 => {
-                for (k, row) in rows.iter_mut().enumerate() {
-                    *row = lay_out(model, visible, k / height, k % height);
-                }
+                lay_out(model, visible, rows);
                 rows
             }
             _ => &[],
@@ -69,24 +67,28 @@ impl<'a> Modes<'a> {
     #[cold]
     #[inline(never)]
     fn made(&self, block: usize) -> Rows {
-        let height = 1 + self.count();
-        let row = |k| if k < height { lay_out(self.model, self.visible, block, k) } else { Row::default() };
-        core::array::from_fn(row)
+        let mut rows = [Row::default(); 1 + MAX_MODES];
+        let visible = self.visible.get(block * LANES..).unwrap_or_default();
+        lay_out(self.model, &visible[..visible.len().min(LANES)], &mut rows[..1 + self.count()]);
+        rows
     }
 }
 
 /// Those of a block with most modes.
 pub(crate) type Rows = [Row; 1 + MAX_MODES];
 
-/// A call of its own: with a workspace that has room it is made once for an object.
+/// The rows of all blocks of some keypoints; lanes beyond the last keypoint repeat it.
 #[inline(never)]
-fn lay_out(model: &ShapeModel, visible: &[u32], block: usize, k: usize) -> Row {
-    let last = visible.len() - 1;
-    let points: [[f64; 3]; LANES] = core::array::from_fn(|lane| {
-        let i = visible[(block * LANES + lane).min(last)] as usize;
-        if k == 0 { model.mean()[i] } else { model.basis(k - 1, i) }
-    });
-    core::array::from_fn(|axis| Lanes(points.map(|point| point[axis])))
+fn lay_out(model: &ShapeModel, visible: &[u32], rows: &mut [Row]) {
+    let (modes, count) = (model.eigenvalues().len(), visible.len());
+    for k in 0..1 + modes {
+        let points = if k == 0 { model.mean() } else { model.mode(k - 1) };
+        for lane in 0..count.next_multiple_of(LANES) {
+            let [x, y, z] = points[visible[lane.min(count - 1)] as usize];
+            let row = &mut rows[lane / LANES * (1 + modes) + k];
+            (row[0].0[lane % LANES], row[1].0[lane % LANES], row[2].0[lane % LANES]) = (x, y, z);
+        }
+    }
 }
 
 /// Moves the model points of blocks to a shape: [`ShapeModel::keypoint`] of each. Lanes beyond the last keypoint repeat it.

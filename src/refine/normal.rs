@@ -62,19 +62,6 @@ pub(crate) fn add_row<const D: usize, const N: usize>(
 
 impl<const D: usize> Normal<D> {
     pub(crate) const ZERO: Self = Self { h: [[0.0; D]; D], gradient: [0.0; D], cost: 0.0 };
-
-    /// The symmetric matrix `H`, of which the upper triangle is stored, times a vector.
-    pub(crate) fn h_times(&self, x: &[f64; D]) -> [f64; D] {
-        let mut product = [0.0; D];
-        for i in 0..D {
-            product[i] += self.h[i][i] * x[i];
-            for j in i + 1..D {
-                product[i] += self.h[i][j] * x[j];
-                product[j] += self.h[i][j] * x[i];
-            }
-        }
-        product
-    }
 }
 
 /// Numbers of a row of the largest normal equations with their right side, in whole vectors.
@@ -173,6 +160,23 @@ pub(crate) fn solve_cholesky<const D: usize>(u: &[[f64; D]; D], x: &mut [f64; D]
         let mut s = x[i] * u[i][i];
         for k in i + 1..D {
             s -= u[i][k] * x[k];
+        }
+        x[i] = s;
+    }
+}
+
+/// [`solve_cholesky`] of four right sides at once.
+#[inline(always)]
+pub(crate) fn solve_columns<V: Vector, const D: usize>(u: &[[f64; D]; D], x: &mut [V; D]) {
+    for i in 0..D {
+        for k in i + 1..D {
+            x[k] = x[k] - x[i] * u[i][k];
+        }
+    }
+    for i in (0..D).rev() {
+        let mut s = x[i] * u[i][i];
+        for k in i + 1..D {
+            s = s - x[k] * u[i][k];
         }
         x[i] = s;
     }
