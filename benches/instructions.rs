@@ -8,6 +8,8 @@
 //! ```text
 //! valgrind --tool=callgrind --toggle-collect=instructions::measured --dump-after=instructions::measured EXE
 //! ```
+//!
+//! `--only TEXT` leaves out the rows in whose `SETTING, WORK` the text does not occur: `--only "M = 5, search + hre"`.
 
 mod common;
 
@@ -82,8 +84,13 @@ fn times(methods: &[Method], objects: &Objects, workspace: &mut GrowingWorkspace
 
 fn main() {
     let is_timed = std::env::args().any(|argument| argument == "--bench");
+    let only = std::env::args().skip_while(|argument| argument != "--only").nth(1).unwrap_or_default();
     for (setting, methods) in TABLE {
-        let methods = methods();
+        let mut methods = methods();
+        methods.retain(|(name, _)| format!("{}, {name}", setting.name).contains(&only));
+        if methods.is_empty() {
+            continue;
+        }
         with_objects(setting, |objects| {
             let mut workspace = GrowingWorkspace::new();
             let rows: Vec<(f64, Done)> = methods

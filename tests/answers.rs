@@ -25,11 +25,11 @@ fn groups() -> [Group; 19] {
     let solver = |solver| Options { solver, max_iterations: 200, ..ours };
     let refinement = |refinement| Options { refinement, ..ours };
     [
-        group("cubes", 700, cube, ours, 0x0F5D_6ECC_107B_C540),
+        group("cubes", 700, cube, ours, 0xF1BE_8A05_667B_C175),
         group("vehicles", 2000, vehicle, ours, 0xA9AA_27DD_81BE_0B11),
         group("scores", 1000, scored, ours, 0x19AB_22B7_9F3F_43FE),
-        group("shape modes", 1500, shaped, ours, 0x5734_3FF3_EE7C_839D),
-        group("boxes that follow the shape", 400, shaped_box, ours, 0x3DAF_AA56_87C7_1C1A),
+        group("shape modes", 1500, shaped, ours, 0xBFD3_D17B_7983_B1F8),
+        group("boxes that follow the shape", 400, shaped_box, ours, 0xBCA5_6BDF_148F_4D90),
         group("cut boxes", 800, cut, ours, 0xE395_A8A5_818C_D124),
         group("no boxes", 400, boxless, ours, 0x600C_CD94_2B86_C21E),
         group("tilted cameras", 600, tilted, ours, 0xA7BA_515D_3698_2D0D),
@@ -39,10 +39,10 @@ fn groups() -> [Group; 19] {
         group("p3p", 200, vehicle, solver(Solver::P3p), 0x609F_D9B5_9726_047B),
         group("up2p", 200, vehicle, solver(Solver::Up2p), 0x98C2_B478_81BE_698E),
         group("p1p_height", 200, of_known_height, solver(Solver::P1pHeight), 0x32DC_2E83_689C_D553),
-        group("no refinement", 200, shaped, refinement(Refinement::None), 0x5DE5_A5CD_0989_A077),
-        group("gn", 200, shaped, refinement(Refinement::Gn), 0x430E_4245_D8CB_2570),
-        group("re", 200, shaped, refinement(Refinement::Re), 0x2A77_3BF4_C856_2639),
-        group("hre", 200, shaped, refinement(Refinement::Hre), 0xF614_D534_AEB4_D4F1),
+        group("no refinement", 200, shaped, refinement(Refinement::None), 0x0BD5_B395_C1B6_EEB4),
+        group("gn", 200, shaped, refinement(Refinement::Gn), 0x44D6_C2A6_82E5_E0BD),
+        group("re", 200, shaped, refinement(Refinement::Re), 0x6C0A_CCBE_3CF0_018E),
+        group("hre", 200, shaped, refinement(Refinement::Hre), 0x5407_9120_0A4C_68D9),
         group("free tilt", 200, tilted, ours.without_tilt(), 0xCBA3_7989_FD3F_3BB9),
     ]
 }

@@ -104,7 +104,8 @@ impl<O: Objects + ?Sized> Batch<'_, O> {
             }
             let i = first + k;
             let answer = self.objects.observe(i, |observation| {
-                let buffers = workspace.grown(observation.keypoints_2d().len());
+                let buffers =
+                    workspace.grown(observation.keypoints_2d().len(), observation.model().eigenvalues().len());
                 self.estimator.estimate_checked(self.view, observation, buffers, i as u64)
             });
             answers.store(k, answer.unwrap_or(Err(NoPose::InvalidInput)), workspace.residuals());

@@ -99,7 +99,7 @@ impl Estimator {
     ) -> Result<Estimate, EstimateError> {
         self.check_view(view)?;
         let keypoints = observation.keypoints_2d().len();
-        let buffers = workspace.buffers(keypoints).ok_or(InputError {
+        let buffers = workspace.buffers_for(keypoints, observation.model().eigenvalues().len()).ok_or(InputError {
             argument: "keypoints_2d",
             expected: "at most as many keypoints as the workspace holds",
             got: Got::Count(keypoints),

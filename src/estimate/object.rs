@@ -61,7 +61,7 @@ impl<'a> Object<'a> {
         index: u64,
         buffers: Buffers<'a>,
     ) -> Result<(Self, Memory<'a>), NoPose> {
-        let Buffers { blocks, visible, order, scratch, residuals, .. } = buffers;
+        let Buffers { blocks, modes, visible, order, scratch, residuals, .. } = buffers;
         residuals.fill(f64::NAN);
         let (count, weight_sum) = fill(view, observation, options.score_weights, blocks, visible);
         let visible: &'a [u32] = &visible[..count];
@@ -81,7 +81,7 @@ impl<'a> Object<'a> {
         let noise = NoiseModel { guess: NOISE_PER_THRESHOLD * inlier_threshold, area };
         let object = Self { unit, options, view, observation, index, usable_bbox, weight_sum, inlier_threshold, noise };
         let blocks = &mut blocks[..count.div_ceil(LANES)];
-        let keypoints = Keypoints::of_mean_shape(unit, &view.camera, observation.model(), visible, blocks);
+        let keypoints = Keypoints::of_mean_shape(unit, &view.camera, observation.model(), visible, blocks, modes);
         Ok((object, Memory { keypoints, order: &mut order[..count], scratch, residuals }))
     }
 

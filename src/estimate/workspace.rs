@@ -1,5 +1,8 @@
 //! Memory that the caller owns and lends, so that estimating allocates nothing.
 
+use crate::refine::modes::Row;
+#[cfg(feature = "std")]
+use crate::refine::modes::rows_per_block;
 use crate::simd::blocks::Block;
 use crate::simd::lanes::LANES;
 
@@ -16,6 +19,8 @@ use crate::simd::lanes::LANES;
 pub struct Buffers<'a> {
     /// Points, a multiple of [`LANES`].
     pub(crate) blocks: &'a mut [Block],
+    /// Room for the modes of a model beside the points, or none: the answer is the same, later.
+    pub(crate) modes: &'a mut [Row],
     /// Index in the model of every visible keypoint.
     pub(crate) visible: &'a mut [u32],
     /// Order of the draws: positions in `visible`.
@@ -33,6 +38,7 @@ impl Buffers<'_> {
     pub(crate) fn lend(&mut self) -> Buffers<'_> {
         Buffers {
             blocks: &mut *self.blocks,
+            modes: &mut *self.modes,
             visible: &mut *self.visible,
             order: &mut *self.order,
             scratch: &mut *self.scratch,
@@ -54,6 +60,18 @@ impl Buffers<'_> {
 pub trait Workspace {
     /// The buffers; `None` when the object is too large for a fixed workspace.
     fn buffers(&mut self, keypoints: usize) -> Option<Buffers<'_>>;
+
+    /// The same for a model with so many modes: room to lay them out saves time, no room changes no number.
+    ///
+    /// ```
+    /// use groundpose::{FixedWorkspace, Workspace};
+    ///
+    /// // No heap, no room of its own for modes.
+    /// assert!(FixedWorkspace::<4>::new().buffers_for(4, 5).is_some());
+    /// ```
+    fn buffers_for(&mut self, keypoints: usize, _modes: usize) -> Option<Buffers<'_>> {
+        self.buffers(keypoints)
+    }
 
     /// Reprojection errors in pixels of the pose returned last, one per keypoint; NaN = not seen.
     fn residuals(&self) -> &[f64];
@@ -109,6 +127,7 @@ impl<const N: usize> Workspace for FixedWorkspace<N> {
         self.keypoints = keypoints;
         Some(Buffers {
             blocks: &mut self.blocks[..keypoints.div_ceil(LANES)],
+            modes: &mut [],
             visible: &mut self.visible[..keypoints],
             order: &mut self.order[..keypoints],
             scratch: &mut self.scratch[..keypoints],
@@ -134,6 +153,7 @@ impl<const N: usize> Workspace for FixedWorkspace<N> {
 #[derive(Default)]
 pub struct GrowingWorkspace {
     blocks: Vec<Block>,
+    modes: Vec<Row>,
     indices: Vec<u32>,
     numbers: Vec<f64>,
     pixels: Vec<[f64; 2]>,
@@ -148,10 +168,15 @@ impl GrowingWorkspace {
         Self::default()
     }
 
-    /// Buffers for `keypoints` keypoints: there is always room.
-    pub(crate) fn grown(&mut self, keypoints: usize) -> Buffers<'_> {
+    /// Buffers for `keypoints` keypoints of a model with so many modes: there is always room.
+    pub(crate) fn grown(&mut self, keypoints: usize, modes: usize) -> Buffers<'_> {
+        let blocks = keypoints.div_ceil(LANES);
+        let rows = blocks * rows_per_block(modes);
+        if self.modes.len() < rows {
+            self.modes.resize(rows, Row::default());
+        }
         if self.numbers.len() < 2 * keypoints {
-            self.blocks.resize(keypoints.div_ceil(LANES), Block::default());
+            self.blocks.resize(blocks, Block::default());
             self.indices.resize(2 * keypoints, 0);
             self.numbers.resize(2 * keypoints, 0.0);
             self.pixels.resize(keypoints, [0.0; 2]);
@@ -160,7 +185,8 @@ impl GrowingWorkspace {
         let (visible, order) = self.indices.split_at_mut(keypoints);
         let (residuals, scratch) = self.numbers.split_at_mut(keypoints);
         Buffers {
-            blocks: &mut self.blocks[..keypoints.div_ceil(LANES)],
+            blocks: &mut self.blocks[..blocks],
+            modes: &mut self.modes[..rows],
             visible,
             order: &mut order[..keypoints],
             scratch: &mut scratch[..keypoints],
@@ -173,7 +199,11 @@ impl GrowingWorkspace {
 #[cfg(feature = "std")]
 impl Workspace for GrowingWorkspace {
     fn buffers(&mut self, keypoints: usize) -> Option<Buffers<'_>> {
-        Some(self.grown(keypoints))
+        Some(self.grown(keypoints, 0))
+    }
+
+    fn buffers_for(&mut self, keypoints: usize, modes: usize) -> Option<Buffers<'_>> {
+        Some(self.grown(keypoints, modes))
     }
 
     fn residuals(&self) -> &[f64] {

@@ -125,22 +125,6 @@ impl Camera {
         (point.z > 0.0).then(|| [self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy])
     }
 
-    /// Gradients of column and row by a point of the camera frame; `None` behind the camera.
-    ///
-    /// ```math
-    /// \frac{\partial u}{\partial (X, Y, Z)} = \left( \frac{f_x}{Z},\; 0,\; -\frac{f_x X}{Z^2} \right), \qquad
-    /// \frac{\partial v}{\partial (X, Y, Z)} = \left( 0,\; \frac{f_y}{Z},\; -\frac{f_y Y}{Z^2} \right)
-    /// ```
-    #[inline]
-    pub(crate) fn projection_gradients(&self, point: &Vector3<f64>) -> Option<[Vector3<f64>; 2]> {
-        if point.z <= 0.0 {
-            return None;
-        }
-        let inverse = 1.0 / point.z;
-        let (u, v) = (self.fx * point.x * inverse, self.fy * point.y * inverse);
-        Some([Vector3::new(self.fx * inverse, 0.0, -u * inverse), Vector3::new(0.0, self.fy * inverse, -v * inverse)])
-    }
-
     /// A pixel relative to the principal point.
     #[inline]
     pub(crate) fn centred(&self, [u, v]: [f64; 2]) -> [f64; 2] {

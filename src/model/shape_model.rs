@@ -166,6 +166,12 @@ impl<'a> ShapeModel<'a> {
         self.basis[j * self.mean.len() + i]
     }
 
+    /// Displacements of the keypoints in mode `j`.
+    #[inline]
+    pub(crate) fn mode(&self, j: usize) -> &'a [[f64; 3]] {
+        &self.basis[j * self.mean.len()..(j + 1) * self.mean.len()]
+    }
+
     /// 3D box `[min, max]` of the mean shape, metres, object frame.
     #[must_use]
     pub fn bbox_3d(&self) -> &[[f64; 3]; 2] {

@@ -1,10 +1,6 @@
 //! The sides of a 2D box as residuals of a pose: where the projected 3D box ends against where the 2D box does.
 
-use nalgebra::Vector3;
-
-use crate::geometry::camera::Camera;
 use crate::geometry::math::square;
-use crate::geometry::pose::Pose;
 use crate::refine::box_extremes::Extreme;
 use crate::refine::kernels::{Rho, Tukey};
 use crate::simd::blocks::Block;
@@ -43,11 +39,6 @@ impl Sides {
         Self { block, coordinates: extremes.map(|e| e.coordinate), c2, scale }
     }
 
-    /// The corner that should touch a side.
-    pub(crate) fn corner(&self, side: usize) -> [f64; 3] {
-        [self.block.x.0[side], self.block.y.0[side], self.block.z.0[side]]
-    }
-
     /// Pixels, projected minus observed.
     pub(crate) fn residuals(&self) -> [f64; LANES] {
         core::array::from_fn(|side| self.coordinates[side] - self.block.u.0[side])
@@ -65,25 +56,4 @@ impl Sides {
         let (residuals, known) = (self.residuals(), self.block.weight.0);
         (0..LANES).map(|side| self.scale * known[side] * kernel.evaluate(square(residuals[side])).0).sum()
     }
-}
-
-/// Jacobian of one point's residual: rows `u` and `v`, by a rotation vector on the left and a translation.
-pub(crate) struct PointJacobian {
-    /// `d residual / d (rotation, translation)`.
-    pub(crate) pose: [[f64; 6]; 2],
-    /// `d residual / d X_object`.
-    pub(crate) point: [[f64; 3]; 2],
-}
-
-/// Jacobian of one model point's residual; `None` behind the camera.
-#[inline]
-pub(crate) fn point_jacobian(camera: &Camera, pose: &Pose, model: [f64; 3]) -> Option<PointJacobian> {
-    let rotated: Vector3<f64> = pose.r * Vector3::from(model);
-    let gradients = camera.projection_gradients(&(rotated + pose.t))?;
-    let row = |g: &Vector3<f64>| {
-        let w = rotated.cross(g);
-        [w.x, w.y, w.z, g.x, g.y, g.z]
-    };
-    let to_object = |g: &Vector3<f64>| -> [f64; 3] { pose.r.tr_mul(g).into() };
-    Some(PointJacobian { pose: gradients.each_ref().map(row), point: gradients.each_ref().map(to_object) })
 }

@@ -30,8 +30,10 @@ use crate::geometry::math::square;
 use crate::geometry::view::View;
 use crate::model::shape_model::MAX_MODES;
 use crate::refine::kernels::Kernel;
-use crate::refine::normal::{Normal, State, cholesky, padded_modes, solve_cholesky};
+use crate::refine::normal::{Normal, State, cholesky, padded_modes, solve_columns};
 use crate::refine::objective::Objective;
+use crate::simd::dispatch::HotLoop;
+use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
 
 /// Covariance of a pose: rotation vector on the left (camera frame, radians), then translation (metres).
 ///
@@ -124,28 +126,29 @@ fn inverse<const D: usize>(objective: &mut Objective, state: &State, error_facto
     let (mut pose, mut shape) = (PoseCovariance::zeros(), ShapeCovariance::zeros());
     let mut between = ShapePoseCovariance::zeros();
     let modes = objective.keypoints.model.eigenvalues().len();
-    for column in 0..6 + modes {
-        let mut x = [0.0; D];
-        x[column] = square(objective.priors.noise_sigma);
-        solve_cholesky(&normal.h, &mut x);
-        if let Some(keypoints) = &keypoints {
-            let mut shared = keypoints.h_times(&x);
-            solve_cholesky(&normal.h, &mut shared);
-            for (x, shared) in x.iter_mut().zip(shared) {
-                *x += (error_factor - 1.0) * shared;
-            }
+    let variance = square(objective.priors.noise_sigma);
+    for first in (0..6 + modes).step_by(LANES) {
+        let columns = first..(first + LANES).min(6 + modes);
+        let mut unknowns = [Lanes::splat(0.0); D];
+        for column in columns.clone() {
+            unknowns[column].0[column - first] = variance;
         }
-        if x.iter().any(|x| !x.is_finite()) {
-            return None;
-        }
-        if column < 6 {
-            pose.column_mut(column).copy_from_slice(&x[..6]);
-            for m in 0..modes {
-                between[(m, column)] = x[6 + m];
+        let (factors, keypoints, shared) = (&normal.h, keypoints.as_ref(), error_factor - 1.0);
+        objective.keypoints.unit.run(Columns { factors, keypoints, shared, unknowns: &mut unknowns });
+        for column in columns {
+            let x: [f64; D] = unknowns.map(|lanes| lanes.0[column - first]);
+            if x.iter().any(|x| !x.is_finite()) {
+                return None;
             }
-        } else {
-            for m in 0..modes {
-                shape[(m, column - 6)] = x[6 + m];
+            if column < 6 {
+                pose.column_mut(column).copy_from_slice(&x[..6]);
+                for m in 0..modes {
+                    between[(m, column)] = x[6 + m];
+                }
+            } else {
+                for m in 0..modes {
+                    shape[(m, column - 6)] = x[6 + m];
+                }
             }
         }
     }
@@ -154,6 +157,53 @@ fn inverse<const D: usize>(objective: &mut Objective, state: &State, error_facto
     }
     // Rounding may have left nothing of a direction that the inliers hardly determine.
     (0..6).all(|k| pose[(k, k)] > 0.0).then(|| (symmetric(pose), symmetric(shape), between))
+}
+
+/// Four columns of the covariance at a time, from those of the identity.
+struct Columns<'a, const D: usize> {
+    /// Of `H`, by [`cholesky`].
+    factors: &'a [[f64; D]; D],
+    /// The part of the keypoints, which have more errors together by this factor.
+    keypoints: Option<&'a Normal<D>>,
+    shared: f64,
+    unknowns: &'a mut [Lanes; D],
+}
+
+impl<const D: usize> HotLoop for Columns<'_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) {
+        let mut x = [unit.zero(); D];
+        for i in 0..D {
+            x[i] = unit.load(self.unknowns[i]);
+        }
+        solve_columns(self.factors, &mut x);
+        if let Some(keypoints) = self.keypoints {
+            let mut shared = times(unit, &keypoints.h, &x);
+            solve_columns(self.factors, &mut shared);
+            for i in 0..D {
+                x[i] += shared[i] * self.shared;
+            }
+        }
+        for i in 0..D {
+            self.unknowns[i] = x[i].lanes();
+        }
+    }
+}
+
+/// A symmetric matrix, of which the upper triangle is stored, times four columns.
+#[inline(always)]
+fn times<U: Unit, const D: usize>(unit: U, h: &[[f64; D]; D], x: &[U::Vector; D]) -> [U::Vector; D] {
+    let mut product = [unit.zero(); D];
+    for i in 0..D {
+        product[i] += x[i] * h[i][i];
+        for j in i + 1..D {
+            product[i] += x[j] * h[i][j];
+            product[j] += x[i] * h[i][j];
+        }
+    }
+    product
 }
 
 /// Without what rounding made of a symmetric product.

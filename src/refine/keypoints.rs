@@ -6,10 +6,10 @@
 use crate::geometry::camera::Camera;
 use crate::geometry::math::square;
 use crate::model::shape_model::{MAX_MODES, ShapeModel};
+use crate::refine::modes::{Modes, MovePoints, Row};
 use crate::refine::normal::State;
 use crate::simd::blocks::Block;
 use crate::simd::dispatch::VectorUnit;
-use crate::simd::lanes::LANES;
 use crate::simd::projection::{Measured, Projection, activate_within};
 
 /// The visible keypoints of one object.
@@ -21,6 +21,7 @@ pub(crate) struct Keypoints<'a> {
     pub(crate) visible: &'a [u32],
     /// Pixels and weights of all, model points of some shape.
     blocks: &'a mut [Block],
+    modes: Modes<'a>,
     /// The shape that the blocks hold, where it is known.
     held: Option<[f64; MAX_MODES]>,
 }
@@ -33,13 +34,20 @@ impl<'a> Keypoints<'a> {
         model: &'a ShapeModel<'a>,
         visible: &'a [u32],
         blocks: &'a mut [Block],
+        room: &'a mut [Row],
     ) -> Self {
-        Self { unit, camera, model, visible, blocks, held: Some([0.0; MAX_MODES]) }
+        let modes = Modes::new(model, visible, room);
+        Self { unit, camera, model, visible, blocks, modes, held: Some([0.0; MAX_MODES]) }
     }
 
     /// The same keypoints for someone else to work with.
     pub(crate) fn lend(&mut self) -> Keypoints<'_> {
         Keypoints { blocks: &mut *self.blocks, held: self.held.take(), ..*self }
+    }
+
+    /// How they move with the shape.
+    pub(crate) fn modes(&self) -> Modes<'a> {
+        self.modes
     }
 
     /// The points of a shape.
@@ -54,6 +62,12 @@ impl<'a> Keypoints<'a> {
     pub(crate) fn measure(&mut self, state: &State) -> Measured<'_> {
         self.hold(&state.coefficients);
         Measured::new(self.unit, self.blocks, &Projection::new(self.camera, &state.pose))
+    }
+
+    /// Reprojection errors at a state, pixels, one per visible keypoint; infinite behind the camera.
+    pub(crate) fn residuals(&mut self, state: &State, residuals: &mut [f64]) {
+        let unit = self.unit;
+        self.measure(state).residuals(unit, residuals);
     }
 
     /// Gives every point its own weight in the sums that follow, or none when it is further than `tau` pixels from a
@@ -75,16 +89,8 @@ impl<'a> Keypoints<'a> {
     fn hold(&mut self, coefficients: &[f64; MAX_MODES]) {
         let modes = self.model.eigenvalues().len();
         if modes > 0 && self.held.is_none_or(|held| held[..modes] != coefficients[..modes]) {
-            self.move_points(coefficients);
+            self.unit.run(MovePoints { blocks: self.blocks, modes: self.modes, coefficients });
+            self.held = Some(*coefficients);
         }
-    }
-
-    fn move_points(&mut self, coefficients: &[f64; MAX_MODES]) {
-        for (k, &i) in self.visible.iter().enumerate() {
-            let [x, y, z] = self.model.keypoint(i as usize, coefficients);
-            let (block, lane) = (&mut self.blocks[k / LANES], k % LANES);
-            (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = (x, y, z);
-        }
-        self.held = Some(*coefficients);
     }
 }

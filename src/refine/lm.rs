@@ -8,24 +8,34 @@ use crate::tuning::{
     DAMPING_ACCEPTED, DAMPING_LIMITS, DAMPING_REJECTED, DAMPING_SINGULAR, DAMPING_START, LAST_STEP, MAX_REJECTIONS,
 };
 
+/// When a minimisation ends.
+#[derive(Clone, Copy)]
+pub(crate) struct Limits {
+    /// Most steps.
+    pub(crate) iterations: usize,
+    /// Decrease of the cost, as a fraction of it, that is not worth another step.
+    pub(crate) tolerance: f64,
+}
+
 impl Objective<'_> {
-    /// Robust cost and normal equations are minimised from `state` with a fixed kernel for at most
-    /// `max_iterations` steps, or until the cost falls by less than `tolerance` of itself.
-    /// `kernel_at` gives the kernel after each accepted step (the scale may follow the residuals).
+    /// Robust cost and normal equations are minimised from `state` within `limits`.
+    /// `kernel_at` gives the kernel after each accepted step; where its scale `follows` the residuals, a trial is first
+    /// looked at by its cost alone, and its normal equations are those of the kernel that it leads to.
     pub(crate) fn minimise<const D: usize>(
         &mut self,
         state: &mut State,
-        max_iterations: usize,
-        tolerance: f64,
+        limits: Limits,
+        follows: bool,
         mut kernel_at: impl FnMut(&mut Self, &State) -> Kernel,
     ) -> (f64, usize) {
+        let Limits { iterations, tolerance } = limits;
         let mut kernel = kernel_at(self, state);
         let mut both = [const { Normal::<D>::ZERO }; 2];
         let [mut normal, mut next] = both.each_mut();
         self.linearise(state, kernel, normal);
         let (mut damping, mut rejections) = (DAMPING_START, 0);
-        for iteration in 0..max_iterations {
-            let Some(step) = solve_damped(normal, damping) else {
+        for iteration in 0..iterations {
+            let Some(step) = solve_damped(self.keypoints.unit, normal, damping) else {
                 damping = (damping * DAMPING_SINGULAR).min(DAMPING_LIMITS[1]);
                 rejections += 1;
                 if rejections > MAX_REJECTIONS {
@@ -35,26 +45,31 @@ impl Objective<'_> {
             };
             let trial = state.moved(&step);
             let predicted = -0.5 * (0..D).map(|i| step[i] * normal.gradient[i]).sum::<f64>();
-            if predicted <= LAST_STEP * tolerance * normal.cost || iteration + 1 == max_iterations {
+            let is_last = predicted <= LAST_STEP * tolerance * normal.cost || iteration + 1 == iterations;
+            let cost = if is_last || follows {
+                self.cost(&trial, kernel)
+            } else {
+                self.linearise(&trial, kernel, next);
+                next.cost
+            };
+            if is_last {
                 // Its normal equations are of no use.
-                let cost = self.cost(&trial, kernel);
                 if cost < normal.cost {
                     *state = trial;
                     return (cost, iteration + 1);
                 }
                 return (normal.cost, iteration + 1);
             }
-            self.linearise(&trial, kernel, next);
-            if next.cost < normal.cost {
-                let decrease = normal.cost - next.cost;
-                let converged = decrease <= tolerance * normal.cost;
+            if cost < normal.cost {
+                let converged = normal.cost - cost <= tolerance * normal.cost;
                 *state = trial;
                 rejections = 0;
                 damping = (damping * DAMPING_ACCEPTED).max(DAMPING_LIMITS[0]);
-                let next_kernel = kernel_at(self, state);
-                let kernel_settled = next_kernel == kernel;
-                if !kernel_settled {
-                    kernel = next_kernel;
+                if follows {
+                    kernel = kernel_at(self, state);
+                    if converged {
+                        return (self.cost(state, kernel), iteration + 1);
+                    }
                     self.linearise(state, kernel, next);
                 }
                 core::mem::swap(&mut normal, &mut next);
@@ -70,6 +85,6 @@ impl Objective<'_> {
                 }
             }
         }
-        (normal.cost, max_iterations)
+        (normal.cost, iterations)
     }
 }

@@ -6,6 +6,8 @@ pub mod covariance;
 pub mod kernels;
 pub(crate) mod keypoints;
 pub(crate) mod lm;
+pub(crate) mod mad;
+pub(crate) mod modes;
 pub(crate) mod normal;
 pub(crate) mod normal_joint;
 pub(crate) mod normal_pose;

@@ -7,6 +7,8 @@ use nalgebra::Vector6;
 
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
+use crate::simd::dispatch::{HotLoop, VectorUnit};
+use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
 
 /// Pose and shape coefficients.
 #[derive(Clone, Copy, Debug)]
@@ -60,23 +62,18 @@ pub(crate) fn add_row<const D: usize, const N: usize>(
 
 impl<const D: usize> Normal<D> {
     pub(crate) const ZERO: Self = Self { h: [[0.0; D]; D], gradient: [0.0; D], cost: 0.0 };
-
-    /// The symmetric matrix `H`, of which the upper triangle is stored, times a vector.
-    pub(crate) fn h_times(&self, x: &[f64; D]) -> [f64; D] {
-        let mut product = [0.0; D];
-        for i in 0..D {
-            product[i] += self.h[i][i] * x[i];
-            for j in i + 1..D {
-                product[i] += self.h[i][j] * x[j];
-                product[j] += self.h[i][j] * x[i];
-            }
-        }
-        product
-    }
 }
 
+/// Numbers of a row of the largest normal equations with their right side, in whole vectors.
+const WIDTH: usize = (6 + MAX_MODES + 1).next_multiple_of(LANES);
+
 /// `-(H + damping diag(H))^-1 gradient`; `None` when the matrix is not positive definite.
-pub(crate) fn solve_damped<const D: usize>(normal: &Normal<D>, damping: f64) -> Option<[f64; D]> {
+#[inline]
+pub(crate) fn solve_damped<const D: usize>(unit: VectorUnit, normal: &Normal<D>, damping: f64) -> Option<[f64; D]> {
+    if D > 6 {
+        return unit.run(SolveDamped { normal, damping });
+    }
+    // A pose alone fits into registers, where nothing waits for what was written.
     let mut h = normal.h;
     for i in 0..D {
         h[i][i] += damping * h[i][i];
@@ -90,6 +87,61 @@ pub(crate) fn solve_damped<const D: usize>(normal: &Normal<D>, damping: f64) -> 
     x.iter().all(|x| x.is_finite()).then_some(x)
 }
 
+/// The same by whole vectors.
+struct SolveDamped<'a, const D: usize> {
+    normal: &'a Normal<D>,
+    damping: f64,
+}
+
+impl<const D: usize> HotLoop for SolveDamped<'_, D> {
+    type Output = Option<[f64; D]>;
+
+    /// The elimination of [`cholesky`] with the gradient as one more column, row by row in whole vectors: what is left of
+    /// the diagonal is not used. The factors are kept apart: a number written into a row would make the next vector that
+    /// is read of it wait.
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) -> Self::Output {
+        let vectors = (D + 1).div_ceil(LANES);
+        let mut rows = [[0.0; WIDTH]; D];
+        for i in 0..D {
+            rows[i][..D].copy_from_slice(&self.normal.h[i]);
+            rows[i][i] += self.damping * rows[i][i];
+            rows[i][D] = -self.normal.gradient[i];
+        }
+        let (mut inverses, mut factors) = ([0.0; D], [[0.0; D]; D]);
+        for j in 0..D {
+            let pivot = rows[j][j];
+            let scale = self.normal.h[j][j];
+            if !(pivot > SMALLEST_PIVOT * (scale + self.damping * scale)) {
+                return None;
+            }
+            inverses[j] = 1.0 / pivot;
+            let (above, below) = rows.split_at_mut(j + 1);
+            let row = &above[j];
+            for i in j + 1..D {
+                let factor = row[i] * inverses[j];
+                factors[j][i] = factor;
+                let (from, into) = (row.as_chunks::<LANES>().0, below[i - j - 1].as_chunks_mut::<LANES>().0);
+                for k in i / LANES..vectors {
+                    into[k] = (unit.load(Lanes(into[k])) - unit.load(Lanes(from[k])) * factor).lanes().0;
+                }
+            }
+        }
+        let mut x = [0.0; D];
+        for i in (0..D).rev() {
+            let mut s = rows[i][D] * inverses[i];
+            for k in i + 1..D {
+                s -= factors[i][k] * x[k];
+            }
+            x[i] = s;
+        }
+        x.iter().all(|x| x.is_finite()).then_some(x)
+    }
+}
+
+/// A pivot below this fraction of its diagonal: a direction the data says nothing about.
+const SMALLEST_PIVOT: f64 = 1e-14;
+
 /// `H = U^T D U` in place of the upper triangle, `U` with a unit diagonal and `D` inverted on the diagonal: Cholesky
 /// without square roots; `None` when the matrix is not positive definite.
 #[inline(always)]
@@ -100,8 +152,7 @@ pub(crate) fn cholesky<const D: usize>(h: &mut [[f64; D]; D]) -> Option<()> {
     }
     for j in 0..D {
         let pivot = h[j][j];
-        // Relative to the diagonal: a direction the data says nothing about.
-        if !(pivot > 1e-14 * scales[j]) {
+        if !(pivot > SMALLEST_PIVOT * scales[j]) {
             return None;
         }
         let inverse = 1.0 / pivot;
@@ -129,6 +180,23 @@ pub(crate) fn solve_cholesky<const D: usize>(u: &[[f64; D]; D], x: &mut [f64; D]
         let mut s = x[i] * u[i][i];
         for k in i + 1..D {
             s -= u[i][k] * x[k];
+        }
+        x[i] = s;
+    }
+}
+
+/// [`solve_cholesky`] of four right sides at once.
+#[inline(always)]
+pub(crate) fn solve_columns<V: Vector, const D: usize>(u: &[[f64; D]; D], x: &mut [V; D]) {
+    for i in 0..D {
+        for k in i + 1..D {
+            x[k] = x[k] - x[i] * u[i][k];
+        }
+    }
+    for i in (0..D).rev() {
+        let mut s = x[i] * u[i][i];
+        for k in i + 1..D {
+            s = s - x[k] * u[i][k];
         }
         x[i] = s;
     }

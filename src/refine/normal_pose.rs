@@ -7,10 +7,11 @@ use crate::refine::kernels::{Kernel, Rho, WithRho};
 use crate::refine::normal::Normal;
 use crate::simd::blocks::Block;
 use crate::simd::dispatch::HotLoop;
-use crate::simd::lanes::{Unit, Vector};
+use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
 use crate::simd::projection::Projected;
 
 /// What a cost is summed over.
+#[derive(Clone, Copy)]
 pub(crate) struct Summands<'a> {
     pub(crate) blocks: &'a [Block],
     pub(crate) sides: Option<&'a Sides>,
@@ -22,7 +23,7 @@ pub(crate) struct Summands<'a> {
 impl Summands<'_> {
     /// Calls `add` with everything that has a residual: where it is, its cost, the weights of its column and row.
     #[inline(always)]
-    pub(crate) fn each<U: Unit>(&self, unit: U, add: impl FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2])) {
+    pub(crate) fn each<U: Unit>(&self, unit: U, add: impl Add<U::Vector>) {
         self.kernel.with(Each { summands: self, unit, add });
     }
 
@@ -32,6 +33,10 @@ impl Summands<'_> {
     }
 }
 
+/// What is done with four points.
+pub(crate) trait Add<V>: FnMut(Projected<V>, V, [V; 2]) {}
+impl<V, F: FnMut(Projected<V>, V, [V; 2])> Add<V> for F {}
+
 /// [`Summands::each`] once the kernel is known.
 struct Each<'a, U, F> {
     summands: &'a Summands<'a>,
@@ -39,7 +44,7 @@ struct Each<'a, U, F> {
     add: F,
 }
 
-impl<U: Unit, F: FnMut(Projected<U::Vector>, U::Vector, [U::Vector; 2])> WithRho for Each<'_, U, F> {
+impl<U: Unit, F: Add<U::Vector>> WithRho for Each<'_, U, F> {
     #[inline(always)]
     fn run(self, kernel: impl Rho) {
         let Self { summands, unit, mut add } = self;
@@ -92,25 +97,146 @@ impl<const D: usize> HotLoop for Linearise<'_, D> {
 
     #[inline(always)]
     fn run<U: Unit>(self, unit: U) {
+        let Summands { blocks, camera, .. } = self.summands;
         let mut sums = [unit.zero(); SUMS];
-        self.summands.each(
-            unit,
-            #[inline(always)]
-            |q, cost, w| {
-                sums[SUMS - 1] += cost;
-                add_points(&q, w, &mut sums);
-            },
-        );
-        let mut totals = [0.0; SUMS];
-        for (totals, sums) in totals.as_chunks_mut().0.iter_mut().zip(sums.as_chunks().0) {
-            *totals = U::Vector::sums(*sums);
+        let mut one_by_one = self.summands;
+        if blocks.len() > FEW_BLOCKS {
+            one_by_one.blocks = &[];
+            let mut weighed = Weighed::NONE;
+            for blocks in blocks.chunks(BLOCKS) {
+                Summands { blocks, sides: None, ..self.summands }.each(
+                    unit,
+                    #[inline(always)]
+                    |q, cost, [w, _]| {
+                        sums[SUMS - 1] += cost;
+                        weighed.push(unit, &q, w);
+                    },
+                );
+                weighed.add_vectors(unit, camera, &mut sums);
+            }
+            weighed.add_rest(unit, camera, &mut sums);
         }
-        put_in_order(&totals, self.normal);
+        let mut held = [(Projected::none(unit.zero()), [unit.zero(); 2]); AT_A_TIME + 1];
+        let (blocks, last) = (one_by_one.blocks, one_by_one.blocks.len().saturating_sub(1) / AT_A_TIME);
+        for group in 0..=last {
+            let rest = blocks.get(group * AT_A_TIME..).unwrap_or_default();
+            let blocks = &rest[..rest.len().min(AT_A_TIME)];
+            let sides = if group == last { one_by_one.sides } else { None };
+            let mut free = held.iter_mut();
+            Summands { blocks, sides, ..one_by_one }.each(
+                unit,
+                #[inline(always)]
+                |q, cost, w| {
+                    sums[SUMS - 1] += cost;
+                    if let Some(place) = free.next() {
+                        *place = (q, w);
+                    }
+                },
+            );
+            for (q, w) in &held[..blocks.len() + usize::from(sides.is_some())] {
+                add_points(q, *w, &mut sums);
+            }
+        }
+        put_in_order(&add_up(&sums), self.normal);
     }
 }
 
+/// Up to so many blocks, points with a weight are not brought together: it costs more than it saves.
+const FEW_BLOCKS: usize = 16;
+/// Blocks that are weighed before they are summed, and the sides of the box with the last: the sums do not wait for one
+/// division after the other.
+const AT_A_TIME: usize = 3;
+/// The same where points are brought together.
+const BLOCKS: usize = 4;
+/// Numbers of a point, and room for each: of the points of these blocks, of less than a vector left over, and of a vector
+/// of which only the front counts.
+const NUMBERS: usize = 9;
+const ROOM: usize = BLOCKS * LANES + 2 * LANES;
+const WEIGHT: usize = 8;
+
+/// Points with a weight, side by side: an outlier's place in its block costs nothing in the sums that follow.
+struct Weighed {
+    /// Rotated model point, pixel, inverse depth, residuals, weight: of the first point, the second ...
+    numbers: [f64; NUMBERS * ROOM],
+    count: usize,
+}
+
+impl Weighed {
+    const NONE: Self = Self { numbers: [0.0; NUMBERS * ROOM], count: 0 };
+
+    /// Four points from place `k` on, number by number.
+    #[inline(always)]
+    fn at(&mut self, k: usize) -> Option<&mut [f64; (NUMBERS - 1) * ROOM + LANES]> {
+        self.numbers.get_mut(k..)?.first_chunk_mut()
+    }
+
+    /// Adds those of four points that have a weight.
+    #[inline(always)]
+    fn push<U: Unit>(&mut self, unit: U, q: &Projected<U::Vector>, weight: U::Vector) {
+        let bits = (weight - unit.splat(f64::MIN_POSITIVE)).bits_at_least_zero();
+        let [px, py, pz] = q.p;
+        let numbers = [px, py, pz, q.u, q.v, q.inverse, q.du, q.dv, weight];
+        if let Some(place) = self.at(self.count) {
+            for k in 0..NUMBERS {
+                place[k * ROOM..k * ROOM + LANES].copy_from_slice(&unit.packed(numbers[k], bits).lanes().0);
+            }
+        }
+        self.count += bits.count_ones() as usize;
+    }
+
+    /// Adds the points from place `k` on to the sums.
+    #[inline(always)]
+    fn add<U: Unit>(&mut self, unit: U, camera: &Camera, k: usize, sums: &mut [U::Vector; SUMS]) {
+        let Some(place) = self.at(k) else { return };
+        let mut n = [unit.zero(); NUMBERS];
+        for k in 0..NUMBERS {
+            n[k] = unit.load(Lanes([place[k * ROOM], place[k * ROOM + 1], place[k * ROOM + 2], place[k * ROOM + 3]]));
+        }
+        let [px, py, pz, u, v, inverse, du, dv, w] = n;
+        let (a, d) = (inverse * camera.fx, inverse * camera.fy);
+        add_points(&Projected { p: [px, py, pz], depth: pz, inverse, a, d, u, v, du, dv }, [w, w], sums);
+    }
+
+    /// Adds whole vectors of points to the sums; what is left over comes to the front.
+    #[inline(always)]
+    fn add_vectors<U: Unit>(&mut self, unit: U, camera: &Camera, sums: &mut [U::Vector; SUMS]) {
+        let whole = self.count / LANES * LANES;
+        for k in (0..whole).step_by(LANES) {
+            self.add(unit, camera, k, sums);
+        }
+        if whole > 0 {
+            for k in 0..NUMBERS {
+                self.numbers.copy_within(k * ROOM + whole..k * ROOM + whole + LANES, k * ROOM);
+            }
+        }
+        self.count -= whole;
+    }
+
+    /// Adds less than a vector, filled up by its first point without a weight.
+    #[inline(always)]
+    fn add_rest<U: Unit>(&mut self, unit: U, camera: &Camera, sums: &mut [U::Vector; SUMS]) {
+        if self.count > 0 {
+            for k in 0..NUMBERS {
+                let first = if k == WEIGHT { 0.0 } else { self.numbers[k * ROOM] };
+                self.numbers[k * ROOM + self.count..k * ROOM + LANES].fill(first);
+            }
+            self.add(unit, camera, 0, sums);
+        }
+    }
+}
+
+/// The sum of every vector, of which there are a multiple of four.
+#[inline(always)]
+pub(crate) fn add_up<V: Vector, const N: usize>(vectors: &[V; N]) -> [f64; N] {
+    let mut totals = [0.0; N];
+    for (totals, vectors) in totals.as_chunks_mut().0.iter_mut().zip(vectors.as_chunks().0) {
+        *totals = V::sums(*vectors);
+    }
+    totals
+}
+
 /// Gradient, normal equations without the zero between the translations along x and y, cost.
-const SUMS: usize = 28;
+pub(crate) const SUMS: usize = 28;
 
 /// Adds four points to gradient and normal equations, up to the signs of [`put_in_order`].
 ///
@@ -118,7 +244,7 @@ const SUMS: usize = 28;
 /// row, `M = sum w G^T G` is the block of the translation, `[P]x M` couples the rotation with it, and
 /// `[P]x M [P]x^T` is the block of the rotation; `P` is the rotated model point.
 #[inline(always)]
-fn add_points<V: Vector>(q: &Projected<V>, [wc, wr]: [V; 2], sums: &mut [V; SUMS]) {
+pub(crate) fn add_points<V: Vector>(q: &Projected<V>, [wc, wr]: [V; 2], sums: &mut [V; SUMS]) {
     let [px, py, pz] = q.p;
     // -b and -e
     let (b, e) = (q.u * q.inverse, q.v * q.inverse);
@@ -158,7 +284,7 @@ fn add_points<V: Vector>(q: &Projected<V>, [wc, wr]: [V; 2], sums: &mut [V; SUMS
 
 /// The sums of [`add_points`] with their signs, where they belong.
 #[inline(always)]
-fn put_in_order<const D: usize>(s: &[f64; SUMS], normal: &mut Normal<D>) {
+pub(crate) fn put_in_order<const D: usize>(s: &[f64; SUMS], normal: &mut Normal<D>) {
     normal.cost = s[SUMS - 1];
     normal.gradient[..6].copy_from_slice(&[-s[0], s[1], s[2], s[3], s[4], -s[5]]);
     let h = &mut normal.h;

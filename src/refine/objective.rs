@@ -2,16 +2,19 @@
 
 use crate::geometry::math::square;
 use crate::geometry::view::View;
+use crate::model::shape_model::MAX_MODES;
 use crate::refine::box_sides::Sides;
 use crate::refine::kernels::Kernel;
 use crate::refine::keypoints::Keypoints;
+use crate::refine::modes::Modes;
 use crate::refine::normal::{Normal, State};
-use crate::refine::normal_joint::LineariseJoint;
+use crate::refine::normal_joint::{LineariseJoint, padded_pairs};
 use crate::refine::normal_pose::{Cost, Linearise, Summands};
 use crate::refine::priors::{PriorTerms, Priors};
 use crate::search::noise::{Noise, NoiseModel};
 use crate::search::score::{Scoring, cost};
 use crate::simd::blocks::Block;
+use crate::simd::dispatch::VectorUnit;
 use crate::simd::projection::Projection;
 
 /// Everything a cost is made of, besides the state and the kernel.
@@ -25,20 +28,10 @@ pub(crate) struct Objective<'a> {
 impl Objective<'_> {
     /// Normal equations and cost at a state, over the points that are active.
     pub(crate) fn linearise<const D: usize>(&mut self, state: &State, kernel: Kernel, normal: &mut Normal<D>) {
-        let (unit, model, visible, view) =
-            (self.keypoints.unit, self.keypoints.model, self.keypoints.visible, self.view);
+        let (unit, modes, view) = (self.keypoints.unit, self.keypoints.modes(), self.view);
         let (blocks, terms) = self.at(state);
         let sides = terms.sides(state);
-        if D == 6 {
-            let summands = summands(view, blocks, state, sides.as_ref(), kernel);
-            unit.run(Linearise { summands, normal });
-        } else {
-            let summands = summands(view, blocks, state, None, kernel);
-            unit.run(LineariseJoint { summands, model, visible, normal });
-            if let Some(sides) = &sides {
-                normal.cost += terms.add_sides(state, sides, normal);
-            }
-        }
+        add_up(unit, summands(view, blocks, state, sides.as_ref(), kernel), modes, state, normal);
         terms.add_tilt_and_shape(state, normal);
     }
 
@@ -46,15 +39,9 @@ impl Objective<'_> {
     #[inline(never)]
     pub(crate) fn linearise_keypoints<const D: usize>(&mut self, state: &State) -> Normal<D> {
         let mut normal = Normal::ZERO;
-        let (unit, model, visible, view) =
-            (self.keypoints.unit, self.keypoints.model, self.keypoints.visible, self.view);
+        let (unit, modes, view) = (self.keypoints.unit, self.keypoints.modes(), self.view);
         let (blocks, _) = self.at(state);
-        let summands = summands(view, blocks, state, None, Kernel::LeastSquares);
-        if D == 6 {
-            unit.run(Linearise { summands, normal: &mut normal });
-        } else {
-            unit.run(LineariseJoint { summands, model, visible, normal: &mut normal });
-        }
+        add_up(unit, summands(view, blocks, state, None, Kernel::LeastSquares), modes, state, &mut normal);
         normal
     }
 
@@ -101,4 +88,26 @@ fn summands<'s>(
     kernel: Kernel,
 ) -> Summands<'s> {
     Summands { blocks, sides, camera: &view.camera, pose: &state.pose, kernel }
+}
+
+/// Normal equations and cost of summands.
+#[inline(always)]
+fn add_up<const D: usize>(unit: VectorUnit, summands: Summands, modes: Modes, state: &State, normal: &mut Normal<D>) {
+    if D == 6 {
+        unit.run(Linearise { summands, normal });
+    } else {
+        let model = modes.model();
+        let (bbox_3d, bbox_basis) = (model.bbox_3d_of(&state.coefficients), model.bbox_basis());
+        if D == 11 {
+            unit.run(LineariseJoint::<D, 5, { padded_pairs(5) }> { summands, modes, bbox_3d, bbox_basis, normal });
+        } else {
+            unit.run(LineariseJoint::<D, MAX_MODES, { padded_pairs(MAX_MODES) }> {
+                summands,
+                modes,
+                bbox_3d,
+                bbox_basis,
+                normal,
+            });
+        }
+    }
 }

@@ -10,8 +10,8 @@ use crate::geometry::math::square;
 use crate::geometry::view::View;
 use crate::model::shape_model::ShapeModel;
 use crate::refine::box_extremes::Outermost;
-use crate::refine::box_sides::{Sides, point_jacobian};
-use crate::refine::kernels::{Kernel, Rho};
+use crate::refine::box_sides::Sides;
+use crate::refine::kernels::Kernel;
 use crate::refine::normal::{Normal, State, add_row};
 use crate::simd::dispatch::VectorUnit;
 use crate::tuning::{BBOX_CUT, TILT_DOF};
@@ -130,31 +130,6 @@ impl PriorTerms<'_> {
             heights: bbox_3d.map(|end| end[1]),
         });
         extremes.map(|extremes| Sides::new(&extremes, &p.bbox, square(BBOX_CUT) * s2, square(p.noise_sigma) / s2))
-    }
-
-    /// Adds the rows of the box to the unknowns of pose and shape; its cost.
-    pub(crate) fn add_sides<const D: usize>(&self, state: &State, sides: &Sides, normal: &mut Normal<D>) -> f64 {
-        let kernel = sides.kernel();
-        for (side, residual) in sides.residuals().into_iter().enumerate() {
-            let (corner, axis) = (sides.corner(side), side % 2);
-            let weight = sides.scale * kernel.evaluate(square(residual)).1;
-            if sides.block.weight.0[side] == 0.0 || weight == 0.0 {
-                continue;
-            }
-            let Some(jacobian) = point_jacobian(&self.view.camera, &state.pose, corner) else {
-                continue;
-            };
-            let (pose, point) = (&jacobian.pose[axis], &jacobian.point[axis]);
-            let mut row = [0.0; D];
-            row[..6].copy_from_slice(pose);
-            let [min, max] = self.model.bbox_3d_of(&state.coefficients);
-            let place = [0, 1, 2].map(|axis| (corner[axis] - min[axis]) / (max[axis] - min[axis]));
-            for (entry, [min, max]) in row[6..].iter_mut().zip(self.model.bbox_basis()) {
-                *entry = (0..3).map(|axis| point[axis] * (min[axis] + place[axis] * (max[axis] - min[axis]))).sum();
-            }
-            add_row(normal, &row, residual, weight);
-        }
-        sides.cost()
     }
 }
 

@@ -1,10 +1,11 @@
 //! Refinement: a schedule of stages is data.
 
-use crate::geometry::math::{sqrt, square};
+use crate::geometry::math::square;
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
 use crate::refine::kernels::Kernel;
-use crate::refine::keypoints::Keypoints;
+use crate::refine::lm::Limits;
+use crate::refine::mad::mad_scale;
 use crate::refine::normal::{State, padded_modes};
 use crate::refine::objective::Objective;
 use crate::tuning::{
@@ -93,8 +94,6 @@ pub struct StageStatistics {
 
 /// Turns a scale into Tukey's `c` at 95 % efficiency (paper, eq. 10).
 const TUKEY_EFFICIENCY: f64 = 4.685;
-/// Turns a median absolute deviation into a standard deviation.
-const MAD_TO_SIGMA: f64 = 1.0 / 0.6745;
 /// Smallest scale of RE, pixels: exact data has a MAD of zero.
 const SMALLEST_SCALE: f64 = 1e-9;
 
@@ -175,57 +174,18 @@ fn run_stage(objective: &mut Objective, scratch: &mut [f64], state: &mut State, 
         StageKernel::FixedTukey { c } => Kernel::Tukey { c2: square(c) },
         StageKernel::NoiseTukey => Kernel::Tukey { c2: square(noise_scale) },
         StageKernel::MadTukey { lowest, highest } => {
-            let scale = mad_scale(&mut objective.keypoints, state, scratch).clamp(lowest, highest);
+            let residuals = &mut scratch[..objective.keypoints.visible.len()];
+            objective.keypoints.residuals(state, residuals);
+            let scale = mad_scale(objective.keypoints.unit, residuals).clamp(lowest, highest);
             Kernel::Tukey { c2: square(TUKEY_EFFICIENCY * scale) }
         }
     };
     let modes = if stage.joint { objective.keypoints.model.eigenvalues().len() } else { 0 };
-    let (n, tolerance) = (stage.max_iterations, stage.tolerance);
+    let limits = Limits { iterations: stage.max_iterations, tolerance: stage.tolerance };
+    let follows = matches!(stage.kernel, StageKernel::MadTukey { .. });
     match padded_modes(modes) {
-        0 => objective.minimise::<6>(state, n, tolerance, kernel_at),
-        5 => objective.minimise::<11>(state, n, tolerance, kernel_at),
-        _ => objective.minimise::<{ 6 + MAX_MODES }>(state, n, tolerance, kernel_at),
-    }
-}
-
-/// `median(|r - median(r)|) / 0.6745` over the visible keypoints (paper, below eq. 10).
-fn mad_scale(keypoints: &mut Keypoints, state: &State, scratch: &mut [f64]) -> f64 {
-    let residuals = &mut scratch[..keypoints.visible.len()];
-    let measured = keypoints.measure(state);
-    for (k, r) in residuals.iter_mut().enumerate() {
-        *r = sqrt(measured.squared(k));
-    }
-    let centre = median(residuals);
-    for r in residuals.iter_mut() {
-        *r = (*r - centre).abs();
-    }
-    let mad = median(residuals) * MAD_TO_SIGMA;
-    // Half the points behind the camera: no scale, nothing is an outlier.
-    if mad.is_nan() { f64::INFINITY } else { mad }
-}
-
-/// Median by selection; reorders the values.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
-    let n = values.len();
-    if n == 0 {
-        return f64::NAN;
-    }
-    let (lower, &mut middle, _) = values.select_nth_unstable_by(n / 2, f64::total_cmp);
-    if n % 2 == 1 {
-        return middle;
-    }
-    let below = lower.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    0.5 * (below + middle)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::median;
-
-    #[test]
-    fn median_of_odd_and_even_counts() {
-        assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
-        assert_eq!(median(&mut [4.0, 1.0, 3.0, 2.0]), 2.5);
-        assert!(median(&mut []).is_nan());
+        0 => objective.minimise::<6>(state, limits, follows, kernel_at),
+        5 => objective.minimise::<11>(state, limits, follows, kernel_at),
+        _ => objective.minimise::<{ 6 + MAX_MODES }>(state, limits, follows, kernel_at),
     }
 }

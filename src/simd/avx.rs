@@ -7,27 +7,55 @@ use core::arch::x86_64::{__m256d, _CMP_GE_OQ, _CMP_GT_OQ, _CMP_LE_OQ};
 use core::ops::{Add, AddAssign, Div, Mul, Sub};
 
 use pulp::bytemuck::cast;
-use pulp::core_arch::x86::Avx;
+use pulp::core_arch::x86::{Avx, Avx2};
 
-use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
+use crate::simd::lanes::{LANES, Lanes, PACKED, Unit, Vector};
 
 /// A vector, and the proof that the machine can work with it.
 #[derive(Clone, Copy)]
 pub(crate) struct AvxVector(__m256d, Avx);
 
-impl Unit for Avx {
+/// What a machine with these vectors has.
+#[derive(Clone, Copy)]
+pub(crate) struct AvxUnit {
+    pub(crate) avx: Avx,
+    pub(crate) avx2: Avx2,
+}
+
+impl Unit for AvxUnit {
     type Vector = AvxVector;
 
     #[inline(always)]
     fn load(self, lanes: Lanes) -> AvxVector {
-        AvxVector(cast(lanes.0), self)
+        AvxVector(cast(lanes.0), self.avx)
     }
 
     #[inline(always)]
     fn splat(self, x: f64) -> AvxVector {
-        AvxVector(self._mm256_set1_pd(x), self)
+        AvxVector(self.avx._mm256_set1_pd(x), self.avx)
+    }
+
+    #[inline(always)]
+    fn packed(self, vector: AvxVector, bits: u32) -> AvxVector {
+        let halves = cast(HALVES[bits as usize % HALVES.len()]);
+        AvxVector(cast(self.avx2._mm256_permutevar8x32_ps(cast(vector.0), halves)), self.avx)
     }
 }
+
+/// [`PACKED`] of the halves of numbers.
+const HALVES: [[u32; 2 * LANES]; PACKED.len()] = {
+    let mut halves = [[0; 2 * LANES]; PACKED.len()];
+    let mut bits = 0;
+    while bits < PACKED.len() {
+        let mut half = 0;
+        while half < 2 * LANES {
+            halves[bits][half] = 2 * PACKED[bits][half / 2] as u32 + half as u32 % 2;
+            half += 1;
+        }
+        bits += 1;
+    }
+    halves
+};
 
 impl Vector for AvxVector {
     #[inline(always)]
@@ -101,7 +129,7 @@ impl Mul<f64> for AvxVector {
     type Output = Self;
     #[inline(always)]
     fn mul(self, x: f64) -> Self {
-        self * self.1.splat(x)
+        self * Self(self.1._mm256_set1_pd(x), self.1)
     }
 }
 

@@ -2,6 +2,8 @@
 //!
 //! The arithmetic is the same in all of them, operation by operation, so the results are the same bits.
 
+#[cfg(all(feature = "std", target_arch = "x86_64"))]
+use crate::simd::avx::AvxUnit;
 use crate::simd::lanes::{Portable, Unit};
 
 /// A loop over many numbers that may run on any vector unit. `run`, and everything it calls, is inlined always.
@@ -56,11 +58,11 @@ impl VectorUnit {
         match self.arch {
             Arch::V4(v4) => v4.vectorize(
                 #[inline(always)]
-                || hot_loop.run(v4.avx),
+                || hot_loop.run(AvxUnit { avx: v4.avx, avx2: v4.avx2 }),
             ),
             Arch::V3(v3) => v3.vectorize(
                 #[inline(always)]
-                || hot_loop.run(v3.avx),
+                || hot_loop.run(AvxUnit { avx: v3.avx, avx2: v3.avx2 }),
             ),
             _ => hot_loop.run(Portable),
         }

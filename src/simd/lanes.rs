@@ -31,7 +31,28 @@ pub(crate) trait Unit: Copy {
     fn zero(self) -> Self::Vector {
         self.splat(0.0)
     }
+
+    /// The lanes that have a bit, the first lane's the lowest, in front; the others are anything.
+    fn packed(self, vector: Self::Vector, bits: u32) -> Self::Vector;
 }
+
+/// Of every set of lanes, their numbers in order, and then others.
+pub(crate) const PACKED: [[u8; LANES]; 1 << LANES] = {
+    let mut packed = [[0; LANES]; 1 << LANES];
+    let mut bits = 0;
+    while bits < packed.len() {
+        let (mut lane, mut place) = (0, 0);
+        while lane < LANES {
+            if bits >> lane & 1 == 1 {
+                packed[bits][place] = lane as u8;
+                place += 1;
+            }
+            lane += 1;
+        }
+        bits += 1;
+    }
+    packed
+};
 
 /// Four numbers in registers.
 pub(crate) trait Vector:
@@ -87,6 +108,13 @@ impl Unit for Portable {
     #[inline(always)]
     fn load(self, lanes: Lanes) -> Lanes {
         lanes
+    }
+
+    #[inline(always)]
+    fn packed(self, vector: Lanes, bits: u32) -> Lanes {
+        let from = PACKED[bits as usize % PACKED.len()];
+        let lane = |place: usize| vector.0[from[place] as usize % LANES];
+        Lanes([lane(0), lane(1), lane(2), lane(3)])
     }
 }
 

@@ -72,6 +72,12 @@ impl<'a> Measured<'a> {
         self.0.chunks(blocks).map(Self)
     }
 
+    /// Residuals of as many points as there is room for, pixels.
+    #[inline]
+    pub(crate) fn residuals(self, unit: VectorUnit, residuals: &mut [f64]) {
+        unit.run(Roots { blocks: self.0, residuals });
+    }
+
     /// Squared residual of the `k`th point, pixels squared.
     #[inline(always)]
     pub(crate) fn squared(self, k: usize) -> f64 {
@@ -106,7 +112,34 @@ impl HotLoop for Measure<'_> {
     }
 }
 
+struct Roots<'a> {
+    blocks: &'a [Block],
+    residuals: &'a mut [f64],
+}
+
+impl HotLoop for Roots<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<U: Unit>(self, unit: U) {
+        let (groups, rest) = self.residuals.as_chunks_mut::<LANES>();
+        for (group, block) in groups.iter_mut().zip(self.blocks) {
+            *group = roots(unit, block);
+        }
+        if let Some(block) = self.blocks.get(groups.len()) {
+            rest.copy_from_slice(&roots(unit, block)[..rest.len()]);
+        }
+    }
+}
+
+/// Residuals of a block; of what is not a number as of what is behind the camera.
+#[inline(always)]
+fn roots<U: Unit>(unit: U, block: &Block) -> [f64; LANES] {
+    unit.load(block.r2).sqrt().min(unit.splat(f64::INFINITY)).lanes().0
+}
+
 /// Four points seen from a pose.
+#[derive(Clone, Copy)]
 pub(crate) struct Projected<V> {
     /// Rotated model points.
     pub(crate) p: [V; 3],
@@ -123,6 +156,13 @@ pub(crate) struct Projected<V> {
 }
 
 impl<V: Vector> Projected<V> {
+    /// Room for some.
+    #[inline(always)]
+    pub(crate) fn none(zero: V) -> Self {
+        let p = [zero; 3];
+        Self { p, depth: zero, inverse: zero, a: zero, d: zero, u: zero, v: zero, du: zero, dv: zero }
+    }
+
     #[inline(always)]
     pub(crate) fn new<U: Unit<Vector = V>>(unit: U, camera: &Camera, pose: &Pose, block: &Block) -> Self {
         let t = &pose.t;

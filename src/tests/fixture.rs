@@ -53,7 +53,7 @@ impl Fixture {
     /// Once: the blocks hold the mean shape.
     pub(super) fn objective<'a>(&'a mut self, model: &'a ShapeModel<'a>) -> Objective<'a> {
         let (unit, camera) = (VectorUnit::detect(), &self.view.camera);
-        let keypoints = Keypoints::of_mean_shape(unit, camera, model, &self.visible, &mut self.blocks);
+        let keypoints = Keypoints::of_mean_shape(unit, camera, model, &self.visible, &mut self.blocks, &mut []);
         Objective { view: &self.view, keypoints, priors: self.priors, noise: NoiseModel { guess: 2.0, area: 1e4 } }
     }
 }

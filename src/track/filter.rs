@@ -1,12 +1,12 @@
 //! One vehicle over time.
 
-use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
-use crate::geometry::math::{atan2, cos, exp, log, sin, sqrt, square};
+use crate::geometry::math::{atan2, cos, exp, log, sqrt, square};
 use crate::track::facing::Facing;
+use crate::track::measure::{Expected, OF_DISTANCE, spread_of, turned_by};
 use crate::track::model::{
-    ACCELERATION, AXIS, BEARING_ERROR, Belief, Camera2, DISTANCE_ERROR, ERRORS, HEADING_ERROR, Motion, SCALE, State,
-    StateMatrix, TRACK_NUMBERS, TURNING, VX, VZ, X, Z,
+    ACCELERATION, AXIS, Belief, Camera2, ERRORS, Motion, SCALE, State, StateMatrix, TURNING, VX, VZ, X, Z,
 };
 use crate::track::options::{CameraMotion, TrackOptions};
 use crate::track::row::{Told, TrackRow, row_of, wrapped};
@@ -17,11 +17,8 @@ use crate::track::standing;
 /// A network's errors are others when a vehicle has turned by so much, as the camera sees it, or is nearer by this factor,
 /// a logarithm.
 const SAME_PICTURE: (f64, f64) = (0.35, 0.35);
-/// How much a picture changes what is usual, and how much larger errors, a logarithm, are not usual.
+/// How much a picture changes what is usual.
 const STATED_KEEPS: f64 = 0.1;
-const FAR_MORE: f64 = 0.7;
-/// What is constant, slow and of a frame adds up to the error of a distance: of the last two half as much as of others.
-const OF_DISTANCE: f64 = 0.5;
 /// Frames nearer in time than this show a front taken for a rear again.
 const PICTURE_TIME: f64 = 0.5;
 /// Of a place before anything is seen of it, metres; of an axis, rad.
@@ -89,13 +86,6 @@ pub struct VehicleFilter {
     options: TrackOptions,
 }
 
-/// A reading as a measurement of the state, in the plane of the first frame.
-struct Measured {
-    residual: Vector3<f64>,
-    by_state: SMatrix<f64, 3, TRACK_NUMBERS>,
-    noise: Matrix3<f64>,
-}
-
 impl VehicleFilter {
     /// A vehicle that is seen for the first time; `camera`: where the camera stands, right, forward and yaw.
     #[must_use]
@@ -128,6 +118,11 @@ impl VehicleFilter {
         }
         filter.take(camera, f64::INFINITY, seen, &seen.reading);
         filter
+    }
+
+    /// What it leads one to expect of a reading.
+    fn expected(&self) -> Expected<'_> {
+        Expected { belief: &self.belief, stated: &self.stated, own_fraction: self.options.own_fraction }
     }
 
     /// Whether it moves along its axis: not so relative to a camera whose motion is not known.
@@ -177,7 +172,7 @@ impl VehicleFilter {
     /// Squared statistical distance between where it should be and where something was seen.
     #[must_use]
     pub fn distance2(&self, camera: [f64; 3], seen: &Sighting) -> f64 {
-        let away = |reading: &Reading| self.place_distance2(&self.measured(camera, reading)).1;
+        let away = |reading: &Reading| self.expected().measured(camera, reading).place_distance2(&self.belief).1;
         seen.other.map_or(f64::INFINITY, |(other, _)| away(&other)).min(away(&seen.reading))
     }
 
@@ -186,7 +181,7 @@ impl VehicleFilter {
     /// costs of the axis and of which way it faces.
     pub(crate) fn disagreement(&self, camera: Camera2, seen: &Sighting) -> (f64, f64) {
         let of = |reading: &Reading, turned: f64| {
-            let m = self.measured(camera, reading);
+            let m = self.expected().measured(camera, reading);
             let h = m.by_state.row(2);
             let variance = (h * self.belief.covariance * h.transpose())[(0, 0)] + m.noise[(2, 2)];
             let axis = (0.5 * square(m.residual[2]) / variance).min(MOST_OF_AXIS);
@@ -194,23 +189,13 @@ impl VehicleFilter {
             let along = self.facing.probability();
             let p = if away { 1.0 - along } else { along };
             let facing = -log((p * (1.0 - turned) + (1.0 - p) * turned).max(LEAST_FACING));
-            (self.place_distance2(&m).1, axis + facing)
+            (m.place_distance2(&self.belief).1, axis + facing)
         };
         let first = of(&seen.reading, seen.turned);
         let Some((other, p)) = seen.other else { return first };
         let second = of(&other, 0.5);
         let cost = |(d2, rest): (f64, f64), p: f64| 0.5 * d2 + rest - log(p.max(1e-3));
         if cost(second, p) < cost(first, 1.0 - p) { second } else { first }
-    }
-
-    /// Whitened difference of places, and its square.
-    fn place_distance2(&self, m: &Measured) -> (Vector2<f64>, f64) {
-        let h = m.by_state.fixed_rows::<2>(0);
-        let s: Matrix2<f64> = h * self.belief.covariance * h.transpose() + m.noise.fixed_view::<2, 2>(0, 0);
-        let residual = Vector2::new(m.residual[0], m.residual[1]);
-        let Some(root) = s.cholesky() else { return (residual, f64::INFINITY) };
-        let white = root.l().solve_lower_triangular(&residual).unwrap_or(residual);
-        (white, white.norm_squared())
     }
 
     /// It was seen, `dt` seconds after the last frame.
@@ -222,12 +207,12 @@ impl VehicleFilter {
     /// Before it is taken in: has it moved off? Then what was expected is less sure than it was.
     pub(crate) fn notice(&mut self, camera: Camera2, dt: f64, seen: &Sighting) {
         if self.standing {
-            self.watch_drift(camera, dt, &self.likeliest(camera, seen));
+            self.watch_drift(camera, dt, &self.expected().likeliest(camera, seen));
         }
     }
 
     pub(crate) fn absorb(&mut self, camera: Camera2, dt: f64, seen: &Sighting) {
-        self.take(camera, dt, seen, &self.likeliest(camera, seen));
+        self.take(camera, dt, seen, &self.expected().likeliest(camera, seen));
         if self.along_axis() {
             self.keep_along_axis(dt);
             self.judge_standing();
@@ -238,86 +223,13 @@ impl VehicleFilter {
         }
     }
 
-    /// The reading that this vehicle explains best.
-    fn likeliest(&self, camera: Camera2, seen: &Sighting) -> Reading {
-        let Some((other, p)) = seen.other else { return seen.reading };
-        let fit = |reading: &Reading, p: f64| {
-            let m = self.measured(camera, reading);
-            let s = m.by_state * self.belief.covariance * m.by_state.transpose() + m.noise;
-            let inverse = s.try_inverse().unwrap_or_else(Matrix3::zeros);
-            let d2 = m.residual.dot(&(inverse * m.residual));
-            // As Student's t, so that two bad fits do not differ by much.
-            log(p.max(1e-3)) - 0.5 * log(s.determinant().max(1e-300)) - 3.5 * log(1.0 + d2 / 4.0)
-        };
-        if fit(&other, p) > fit(&seen.reading, 1.0 - p) { other } else { seen.reading }
-    }
-
-    /// A reading against the belief. The shared errors are numbers of the state, the rest is noise.
-    fn measured(&self, camera: Camera2, reading: &Reading) -> Measured {
-        let there = Vector2::from(turned_by(camera[2], reading.place));
-        let mean = &self.belief.mean;
-        let expected_there = Vector2::new(mean[X], mean[Z]);
-        let away = expected_there.norm().max(0.1);
-        // Along the expected ray, not the measured one: an axis that errs as the measurement does would make every
-        // vehicle nearer.
-        let ray = expected_there / away;
-        let side = Vector2::new(ray[1], -ray[0]);
-        let (s, c) = (sin(camera[2]), cos(camera[2]));
-        let turn = aligned(&there, &ray) * Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
-        let usual = self.usual(reading, &ray, &side);
-        let covariance = usual * turn * reading.covariance * turn.transpose() * usual;
-        let mut by_state = SMatrix::<f64, 3, TRACK_NUMBERS>::zeros();
-        for k in 0..2 {
-            by_state[(k, X + k)] = 1.0;
-            by_state[(k, DISTANCE_ERROR)] = ray[k] * away;
-            by_state[(k, BEARING_ERROR)] = side[k] * away;
-        }
-        by_state[(2, AXIS)] = 1.0;
-        by_state[(2, HEADING_ERROR)] = 1.0;
-        let expected = by_state * mean;
-        let residual = Vector3::new(
-            there[0] - expected[0],
-            there[1] - expected[1],
-            folded(reading.heading + camera[2] - expected[2]),
-        );
-        let own = self.own_noise(&ray);
-        Measured { residual, by_state, noise: own * covariance * own }
-    }
-
-    /// From the errors that a reading states to those that its vehicle's pictures usually have at this distance; readings
-    /// that state far larger ones are believed.
-    fn usual(&self, reading: &Reading, ray: &Vector2<f64>, side: &Vector2<f64>) -> Matrix3<f64> {
-        let own = spread_of(reading);
-        let [x, z] = reading.place;
-        let expected = 0.5 * log((square(self.belief.mean[X]) + square(self.belief.mean[Z])).max(1.0));
-        let nearer = expected - 0.5 * log((square(x) + square(z)).max(1.0));
-        let factor = |k: usize, more: f64| {
-            let usual = self.stated[k] - own[k];
-            if usual < -FAR_MORE { 1.0 } else { exp((usual + more).clamp(-3.0, 3.0)) }
-        };
-        let (along, across) = (factor(0, nearer), factor(1, nearer));
-        let mut all = Matrix3::identity() * factor(2, 0.0);
-        let plane = ray * ray.transpose() * along + side * side.transpose() * across;
-        all.fixed_view_mut::<2, 2>(0, 0).copy_from(&plane);
-        all
-    }
-
-    /// From the error that a reading states to that of its frame alone.
-    fn own_noise(&self, ray: &Vector2<f64>) -> Matrix3<f64> {
-        let own = sqrt(self.options.own_fraction);
-        let plane = Matrix2::identity() + ray * ray.transpose() * (sqrt(OF_DISTANCE) - 1.0);
-        let mut all = Matrix3::identity() * own;
-        all.fixed_view_mut::<2, 2>(0, 0).copy_from(&(plane * own));
-        all
-    }
-
     /// Takes a reading in; numbers far from what they should be count little.
     fn take(&mut self, camera: Camera2, dt: f64, seen: &Sighting, reading: &Reading) {
         self.state_errors(reading);
-        let mut m = self.measured(camera, reading);
+        let mut m = self.expected().measured(camera, reading);
         let dof = seen.error_dof.clamp(DOF.0, DOF.1);
         let s = m.by_state * self.belief.covariance * m.by_state.transpose() + m.noise;
-        let place = self.place_distance2(&m).1;
+        let place = m.place_distance2(&self.belief).1;
         let weight = |d2: f64, n: f64| ((dof + n) / (dof + d2)).clamp(1e-6, 1.0);
         let (of_place, of_heading) = (weight(place, 2.0), weight(square(m.residual[2]) / s[(2, 2)], 1.0));
         let less = Vector3::new(of_place, of_place, of_heading).map(|w| 1.0 / sqrt(w));
@@ -374,7 +286,7 @@ impl VehicleFilter {
 
     /// Of one that stands: whether its places have drifted away.
     fn watch_drift(&mut self, camera: Camera2, dt: f64, reading: &Reading) {
-        let (white, d2) = self.place_distance2(&self.measured(camera, reading));
+        let (white, d2) = self.expected().measured(camera, reading).place_distance2(&self.belief);
         let keep = exp(-dt / MOVED_OFF.1);
         // One wrong place is no drift.
         let new = white * (1.0 - keep) * (3.0 / sqrt(d2.max(9.0)));
@@ -411,32 +323,4 @@ impl VehicleFilter {
     pub fn row(&self, camera: [f64; 3]) -> TrackRow {
         row_of(&self.belief, &self.told(), camera)
     }
-}
-
-/// A place right and forward of the camera, along the axes of the first frame.
-fn turned_by(yaw: f64, [x, z]: [f64; 2]) -> [f64; 2] {
-    let (s, c) = (sin(yaw), cos(yaw));
-    [x * c + z * s, z * c - x * s]
-}
-
-/// The difference of two axes, between -pi / 2 and pi / 2.
-fn folded(angle: f64) -> f64 {
-    0.5 * wrapped(2.0 * angle)
-}
-
-/// The turn in the plane that lays one direction on another.
-fn aligned(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
-    let length = from.norm().max(1e-9) * to.norm().max(1e-9);
-    let (c, s) = (from.dot(to) / length, (from[0] * to[1] - from[1] * to[0]) / length);
-    Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
-}
-
-/// Logarithms of the standard deviations that a reading states: of distance and bearing, in distances, and of heading.
-fn spread_of(reading: &Reading) -> Vector3<f64> {
-    let there = Vector2::from(reading.place);
-    let distance2 = there.norm_squared().max(0.01);
-    let side = Vector2::new(there[1], -there[0]);
-    let plane = reading.covariance.fixed_view::<2, 2>(0, 0);
-    let of = |along: &Vector2<f64>| along.dot(&(plane * along)) / square(distance2);
-    Vector3::new(of(&there), of(&side), reading.covariance[(2, 2)]).map(|x| 0.5 * log(x.max(1e-12)))
 }

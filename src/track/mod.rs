@@ -18,6 +18,7 @@
 mod associate;
 pub mod facing;
 pub mod filter;
+mod measure;
 pub mod model;
 pub mod options;
 pub mod row;

@@ -131,7 +131,7 @@ pub(crate) fn symmetric(m: &StateMatrix) -> StateMatrix {
 fn moved(x: &State, dt: f64, motion: &Motion) -> (State, StateMatrix) {
     let turning = if motion.along_axis { x[TURNING] } else { 0.0 };
     let (s, c) = (sin(x[AXIS]), cos(x[AXIS]));
-    let arc = Arc::of(turning, dt);
+    let arc = Turned::within(dt, turning);
     let keep = exp(-dt / ACCELERATION_TIME);
     let faster = ACCELERATION_TIME * (1.0 - keep);
     let farther = ACCELERATION_TIME * (dt - faster);
@@ -170,18 +170,22 @@ fn moved(x: &State, dt: f64, motion: &Motion) -> (State, StateMatrix) {
     (y, f)
 }
 
-/// Integrals of a velocity that turns: along it and to its right, with their derivatives by the yaw rate.
-struct Arc {
+/// A velocity that turns at a constant rate for a while.
+struct Turned {
+    /// Of the angle by which it has turned.
     sin: f64,
     cos: f64,
+    /// How far a velocity of 1 m/s leads along its first direction and to the right of it, metres.
     along: f64,
     across: f64,
+    /// Derivatives of these by the rate.
     along_slope: f64,
     across_slope: f64,
 }
 
-impl Arc {
-    fn of(turning: f64, dt: f64) -> Self {
+impl Turned {
+    /// After `dt` seconds at `turning` radians per second; by series where the angle is so small that quotients round.
+    fn within(dt: f64, turning: f64) -> Self {
         let a = turning * dt;
         let (s, c) = (sin(a), cos(a));
         if a.abs() < 1e-3 {

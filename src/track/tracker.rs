@@ -112,7 +112,7 @@ impl Tracker {
         match ego_motion {
             Some(moved) => {
                 let got = Got::Text("an ego-motion");
-                require(moves, "ego_motion", "none, the camera's motion is not told by odometry", got)?;
+                require(moves, "ego_motion", "none unless camera_motion is odometry", got)?;
                 let finite = moved.iter().all(|x| x.is_finite());
                 require(finite, "ego_motion", "finite numbers", Got::Text("NaN or infinite"))?;
             }
