@@ -23,6 +23,7 @@ from groundpose.shape import ShapeModel
 from groundpose.sizes import ClassSize, SizePrior
 from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
 from groundpose.types import Camera, View
+from groundpose.world import World
 
 if TYPE_CHECKING:
     from groundpose.camera_profile import CameraProfile
@@ -74,6 +75,7 @@ __all__ = [
     "Tracks",
     "VehiclePoses",
     "View",
+    "World",
     "__version__",
     "build_info",
     "calibrate",

@@ -3,34 +3,31 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Annotated, cast
+from typing import Annotated, cast
 
 import typer
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from groundpose._checks import blamed, input_error
+from groundpose._checks import input_error
 from groundpose._core import InputError
 from groundpose._writing import whole_file
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.inputs import NetworkFile, is_image
-from groundpose.cli.output import complain, console, mistakes, refuse, say, standard_output
+from groundpose.cli.output import mistakes, refuse, standard_output
 from groundpose.cli.track_input import Followed, Odometry, of_images, of_lines, pose_lines
+from groundpose.cli.track_job import TrackJob
+from groundpose.cli.track_output import OpenFrames, Sink, TrackRows
+from groundpose.draw.tracks import TrackMap, TrackPictures
 from groundpose.formats.calibrations import read_calibration
+from groundpose.formats.site import read_site
 from groundpose.formats.tracks import ENDINGS, FORMATS
-from groundpose.tracking import Tracker, TrackOptions, Tracks
+from groundpose.tracking import Tracker, TrackOptions
 from groundpose.tracking.options import CameraMotion
 from groundpose.types import View
-
-_TAKE = 256
-"""Frames after which finished rows are written."""
-_NAMED = 5
-"""Errors that are shown each; the others are counted."""
+from groundpose.world import World
 
 
 def track(
@@ -74,6 +71,13 @@ def track(
     height: Annotated[
         float | None, typer.Option(help="Height of the camera, instead of the file's.", metavar="METRES")
     ] = None,
+    world: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the camera stands (.yaml, .json): rows also have places and headings on the map.",
+            metavar="FILE",
+        ),
+    ] = None,
     draw: Annotated[
         Path | None,
         typer.Option(help="Pictures with trails and speeds; put {id} into the name.", metavar="FILE"),
@@ -114,12 +118,32 @@ def track(
         motion = "odometry" if odometry is not None else camera_motion
         tracker = Tracker(view, TrackOptions(camera_motion=cast(CameraMotion, motion)))
         moves = None if odometry is None else Odometry(odometry)
-        _spare((source, camera, boxes, odometry), (out, birds_eye))
-        job = _Job(tracker, fps, moves, _format(form, out), live, view)
-        job.pictures(draw, birds_eye)
-        with _frames(source, view, camera, BoxChoice(boxes, detector, None), network, height) as frames:
-            status = job.run(frames, out)
+        form = _format(form, out)
+        placed = None if world is None else _world(world, motion, form)
+        _spare((source, camera, boxes, odometry, world), (out, birds_eye))
+        frames = OpenFrames()
+        sinks: list[Sink] = [] if birds_eye is None else [TrackMap(birds_eye)]
+        pictures = None if draw is None else TrackPictures(draw)
+        job = TrackJob(tracker, sinks, frames, fps, moves, live, pictures)
+        with ExitStack() as stack:
+            choice = BoxChoice(boxes, detector, None)
+            given = stack.enter_context(_frames(source, view, camera, choice, network, height))
+            stream = standard_output() if out is None else stack.enter_context(whole_file(out))
+            sinks.append(TrackRows(stream, form, frames, view, placed))
+            status = job.run(given, stream)
     raise typer.Exit(status)
+
+
+def _world(path: Path, motion: str, form: str) -> World:
+    """Where the camera stands. Raises OSError, InputError."""
+    found = read_site(path).world
+    if found is None:
+        raise input_error(str(path), "map or geographic", "none of them")
+    if motion == "unknown":
+        raise input_error("--world", "a camera that stands or has --odometry", "--camera-motion unknown")
+    if form == "kitti":
+        raise input_error("--world", "csv or jsonl, which have places on a map", form)
+    return found
 
 
 def _format(form: str, out: Path | None) -> str:
@@ -162,111 +186,3 @@ def _frames(
     frame = None if view.height is None else FramePriors()
     mounting = Mounting(view.pitch, view.roll, height, None, frame)
     yield of_images(ImageWork(source, found_by, CameraChoice(camera), mounting, -math.inf, Pipeline(network)))
-
-
-@dataclass
-class _Job:
-    """Frames in, rows out."""
-
-    tracker: Tracker
-    fps: float | None
-    odometry: Odometry | None
-    form: str
-    live: bool
-    view: View
-    names: dict[int, str | int] = field(default_factory=dict)
-    bboxes: dict[tuple[int, int], tuple[float, ...]] = field(default_factory=dict)
-    bad: list[InputError] = field(default_factory=list)
-    left_out: int = 0
-    rows: int = 0
-
-    def pictures(self, draw: Path | None, birds_eye: Path | None) -> None:
-        """What is drawn beside the rows."""
-        from groundpose.draw.tracks import TrackMap, TrackPictures
-
-        self.drawn = None if draw is None else TrackPictures(draw)
-        self.map = None if birds_eye is None else TrackMap(birds_eye)
-
-    def run(self, frames: Iterator[Followed | InputError], out: Path | None) -> int:
-        """Follow, write, draw; the exit status."""
-        status = 0
-        with ExitStack() as stack:
-            stream = standard_output() if out is None else stack.enter_context(whole_file(out))
-            try:
-                self._follow(frames, stream)
-            except KeyboardInterrupt:
-                complain(f"interrupted; frames followed: {self.tracker.frames}")
-                status = 130
-            if not self.live:
-                self._write(self.tracker.finish(), stream)
-            if not self.rows and self.form == "csv":
-                stream.write(FORMATS["csv"](self.tracker.take()))
-            if not self.tracker.frames and self.bad:
-                raise self.bad[0]
-        if self.map is not None:
-            self.map.save()
-        return status or self._report()
-
-    def _follow(self, frames: Iterator[Followed | InputError], stream: IO[str]) -> None:
-        with _progress(stream) as progress:
-            task = progress.add_task("frames", total=None)
-            for number, frame in enumerate(frames):
-                try:
-                    if isinstance(frame, InputError):
-                        raise frame
-                    now = self._next(number, frame)
-                    if self.live:
-                        self._write(now, stream)
-                    if self.drawn is not None:
-                        self.drawn.add(frame.id, frame.pixels(), frame.seen, now)
-                except InputError as error:
-                    self._complain(error)
-                if not self.live and self.tracker.frames % _TAKE == 0:
-                    self._write(self.tracker.take(), stream)
-                elif self.live:
-                    self.tracker.take()
-                progress.advance(task)
-
-    def _next(self, number: int, frame: Followed) -> Tracks:
-        with blamed(frame.place):
-            if frame.time is None and self.fps is None:
-                raise input_error("--fps", "frames a second, for input without times", "none")
-            time = number / self.fps if self.fps is not None else frame.time
-            moved = None if self.odometry is None else self.odometry.moved(number)
-            now = self.tracker.update(frame.seen, cast(float, time), moved)
-        k = self.tracker.frames - 1
-        self.names[k] = frame.id
-        if self.form == "kitti":
-            self.bboxes.update({(k, i): tuple(box) for i, box in enumerate(frame.seen.bboxes.tolist())})
-        return now
-
-    def _write(self, tracks: Tracks, stream: IO[str]) -> None:
-        if self.map is not None:
-            self.map.add(tracks)
-        more = {"bboxes": self.bboxes, "view": self.view} if self.form == "kitti" else {}
-        text = FORMATS[self.form](tracks, self.names, not self.rows, **more) if len(tracks) else ""
-        self.rows += len(tracks)
-        stream.write(text)
-        stream.flush()
-
-    def _complain(self, error: InputError) -> None:
-        """Errors of an endless stream must not fill the memory."""
-        if len(self.bad) < _NAMED:
-            self.bad.append(error)
-            complain(error)
-        else:
-            self.left_out += 1
-
-    def _report(self) -> int:
-        for reason, count in self.tracker.skipped.most_common():
-            say(f"left out: {count} x {reason}")
-        if self.left_out:
-            complain(f"and {self.left_out} more frames left out")
-        return 1 if self.bad else 0
-
-
-def _progress(stream: IO[str]) -> Progress:
-    err = console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.completed} frames"), TimeElapsedColumn())
-    shown = err.is_terminal and not (stream is sys.stdout and stream.isatty())
-    return Progress(*columns, console=err, disable=not shown, transient=True)

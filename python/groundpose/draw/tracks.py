@@ -127,7 +127,7 @@ class TrackMap:
             columns = [vehicle.place, _KMH * vehicle.speed[:, None]]
             self._lines.setdefault(int(vehicle.id[0]), []).append(np.concatenate(columns, axis=1))
 
-    def save(self) -> None:
+    def close(self) -> None:
         """Draw it."""
         from matplotlib.figure import Figure
 
