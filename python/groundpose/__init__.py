@@ -22,6 +22,7 @@ from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
 from groundpose.sizes import ClassSize, SizePrior
 from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
+from groundpose.traffic import Crossing, CrossingCounter, Flow, Lane, Line, TrafficSummary
 from groundpose.types import Camera, View
 from groundpose.world import World
 
@@ -56,11 +57,16 @@ __all__ = [
     "CameraProfile",
     "CameraState",
     "ClassSize",
+    "Crossing",
+    "CrossingCounter",
     "Detector",
     "EstimatedView",
+    "Flow",
     "FramePriors",
     "InputError",
     "Known",
+    "Lane",
+    "Line",
     "Network",
     "Options",
     "Pipeline",
@@ -73,6 +79,7 @@ __all__ = [
     "TrackOptions",
     "Tracker",
     "Tracks",
+    "TrafficSummary",
     "VehiclePoses",
     "View",
     "World",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -19,15 +20,16 @@ from groundpose.cli.inputs import NetworkFile, is_image
 from groundpose.cli.output import mistakes, refuse, standard_output
 from groundpose.cli.track_input import Followed, Odometry, of_images, of_lines, pose_lines
 from groundpose.cli.track_job import TrackJob
-from groundpose.cli.track_output import OpenFrames, Sink, TrackRows
+from groundpose.cli.track_output import OpenFrames, TrackRows
+from groundpose.cli.track_traffic import Tables
+from groundpose.draw.road_marks import RoadMarks
 from groundpose.draw.tracks import TrackMap, TrackPictures
 from groundpose.formats.calibrations import read_calibration
-from groundpose.formats.site import read_site
+from groundpose.formats.site import Site, read_site
 from groundpose.formats.tracks import ENDINGS, FORMATS
 from groundpose.tracking import Tracker, TrackOptions
 from groundpose.tracking.options import CameraMotion
 from groundpose.types import View
-from groundpose.world import World
 
 
 def track(
@@ -78,6 +80,27 @@ def track(
             metavar="FILE",
         ),
     ] = None,
+    lanes: Annotated[
+        Path | None,
+        typer.Option(
+            help="Lines and lanes on the road (.yaml, .json), if they are not in the file of --world.",
+            metavar="FILE",
+        ),
+    ] = None,
+    counts: Annotated[
+        Path | None,
+        typer.Option(
+            help="Table of who crosses lines and lanes, when and how fast (.csv).", metavar="FILE"
+        ),
+    ] = None,
+    summary: Annotated[
+        Path | None,
+        typer.Option(help="Table of counts, speeds and headways per line and lane (.csv).", metavar="FILE"),
+    ] = None,
+    every: Annotated[
+        float | None,
+        typer.Option(help="Intervals of --summary.", metavar="SECONDS", show_default="all in one"),
+    ] = None,
     draw: Annotated[
         Path | None,
         typer.Option(help="Pictures with trails and speeds; put {id} into the name.", metavar="FILE"),
@@ -119,31 +142,47 @@ def track(
         tracker = Tracker(view, TrackOptions(camera_motion=cast(CameraMotion, motion)))
         moves = None if odometry is None else Odometry(odometry)
         form = _format(form, out)
-        placed = None if world is None else _world(world, motion, form)
-        _spare((source, camera, boxes, odometry, world), (out, birds_eye))
+        site = _site(world, lanes, view, motion)
+        if world is not None and form == "kitti":
+            raise input_error("--world", "csv or jsonl, which have places on a map", form)
+        tables = Tables(counts, summary, every)
+        tables.check(site)
+        _spare((source, camera, boxes, odometry, world, lanes), (out, birds_eye, counts, summary))
         frames = OpenFrames()
-        sinks: list[Sink] = [] if birds_eye is None else [TrackMap(birds_eye)]
-        pictures = None if draw is None else TrackPictures(draw)
-        job = TrackJob(tracker, sinks, frames, fps, moves, live, pictures)
+        job = TrackJob(tracker, [], frames, fps, moves, live)
+        job.pictures = None if draw is None else TrackPictures(draw, _marks(site, motion != "odometry"))
+        if birds_eye is not None:
+            job.sinks.append(TrackMap(birds_eye, _marks(site)))
         with ExitStack() as stack:
             choice = BoxChoice(boxes, detector, None)
             given = stack.enter_context(_frames(source, view, camera, choice, network, height))
             stream = standard_output() if out is None else stack.enter_context(whole_file(out))
-            sinks.append(TrackRows(stream, form, frames, view, placed))
+            job.sinks.append(TrackRows(stream, form, frames, view, site.world))
+            job.sinks += tables.open(stack, site, frames)
             status = job.run(given, stream)
     raise typer.Exit(status)
 
 
-def _world(path: Path, motion: str, form: str) -> World:
-    """Where the camera stands. Raises OSError, InputError."""
-    found = read_site(path).world
-    if found is None:
-        raise input_error(str(path), "map or geographic", "none of them")
-    if motion == "unknown":
-        raise input_error("--world", "a camera that stands or has --odometry", "--camera-motion unknown")
-    if form == "kitti":
-        raise input_error("--world", "csv or jsonl, which have places on a map", form)
-    return found
+def _site(world: Path | None, lanes: Path | None, view: View, motion: str) -> Site:
+    """Where the camera stands and what is drawn on the road. Raises OSError, InputError."""
+    if motion == "unknown" and (world or lanes) is not None:
+        option = "--lanes" if world is None else "--world"
+        raise input_error(option, "a camera that stands or has --odometry", "--camera-motion unknown")
+    shown = view if motion == "static" else None
+    site = Site() if world is None else read_site(world, shown)
+    if world is not None and site.world is None:
+        raise input_error(str(world), "map or geographic", "none of them")
+    if lanes is None:
+        return site
+    drawn = read_site(lanes, shown, site.world)
+    if not drawn.lines and not drawn.lanes:
+        raise input_error(str(lanes), "lines or lanes", "none of them")
+    return replace(site, lines=drawn.lines, lanes=drawn.lanes)
+
+
+def _marks(site: Site, shown: bool = True) -> RoadMarks | None:
+    """What is drawn of them; over pictures of a camera that moves they are not shown."""
+    return RoadMarks(site.lines, site.lanes) if shown and (site.lines or site.lanes) else None
 
 
 def _format(form: str, out: Path | None) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import IO, cast
 
@@ -38,7 +38,7 @@ class TrackJob:
     """
 
     tracker: Tracker
-    sinks: Sequence[Sink]
+    sinks: list[Sink]
     frames: OpenFrames
     fps: float | None = None
     odometry: Odometry | None = None
@@ -98,10 +98,10 @@ class TrackJob:
         return now
 
     def _hand_out(self, tracks: Tracks) -> None:
-        self.frames.complete = self.tracker.frames if self.live else self.tracker.open_frame
+        complete = self.tracker.frames if self.live else self.tracker.open_frame
         for sink in self.sinks:
-            sink.add(tracks)
-        self.frames.forget()
+            sink.add(tracks, complete)
+        self.frames.forget(complete)
 
     def _complain(self, error: InputError) -> None:
         """Errors of an endless stream must not fill the memory."""

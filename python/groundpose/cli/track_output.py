@@ -15,8 +15,8 @@ from groundpose.world import World
 class Sink(Protocol):
     """Takes rows; every row comes once, those of a vehicle in order."""
 
-    def add(self, tracks: Tracks) -> None:
-        """More rows."""
+    def add(self, tracks: Tracks, complete: int) -> None:
+        """More rows; none of a frame before number `complete` is to come."""
 
     def close(self) -> None:
         """No more rows come."""
@@ -24,24 +24,21 @@ class Sink(Protocol):
 
 @dataclass
 class OpenFrames:
-    """What is remembered of frames until all their rows are written. `complete`: the number of the frame
-    before which none is to come."""
+    """What is remembered of frames until all their rows are written."""
 
     names: dict[int, str | int] = field(default_factory=dict)
     times: dict[int, float] = field(default_factory=dict)
     bboxes: dict[int, Any] = field(default_factory=dict)
-
-    complete: int = 0
 
     def note(self, number: int, frame: Followed, time: float) -> None:
         """One more."""
         self.names[number], self.times[number] = frame.id, time
         self.bboxes[number] = frame.seen.bboxes
 
-    def forget(self) -> None:
-        """The rows that have come are written."""
+    def forget(self, before: int) -> None:
+        """All rows of frames before this one are written."""
         for known in (self.names, self.times, self.bboxes):
-            for number in [number for number in known if number < self.complete]:
+            for number in [number for number in known if number < before]:
                 del known[number]
 
 
@@ -58,7 +55,7 @@ class TrackRows:
         if form == "kitti":
             self._more = {"bboxes": frames.bboxes, "view": view}
 
-    def add(self, tracks: Tracks) -> None:
+    def add(self, tracks: Tracks, complete: int) -> None:
         """Write them at once."""
         if len(tracks):
             self.stream.write(self._text(tracks, self.frames.names, not self._begun, **self._more))

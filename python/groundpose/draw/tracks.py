@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from groundpose._checks import FloatArray, input_error
 from groundpose._writing import whole_path
 from groundpose.draw.colours import GRID, PAPER
+from groundpose.draw.road_marks import RoadMarks
 from groundpose.draw.save import save_figure
 from groundpose.tracking import SeenVehicles, Tracks
 
@@ -45,9 +46,9 @@ def corners(place: FloatArray, down: float, heading: float, size: FloatArray) ->
 class TrackPictures:
     """One picture per frame: boxes, trails of the last seconds, numbers and speeds."""
 
-    def __init__(self, path: str | PathLike[str]) -> None:
-        """`path` has `{id}` in its name. Raises InputError."""
-        self.path = Path(path)
+    def __init__(self, path: str | PathLike[str], marks: RoadMarks | None = None) -> None:
+        """`path` has `{id}` in its name; `marks` are drawn below the vehicles. Raises InputError."""
+        self.path, self._marks = Path(path), marks
         if "{id}" not in self.path.name:
             raise input_error("--draw", "a name with {id}, as tracks_{id}.jpg", self.path.name)
         if self.path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
@@ -64,6 +65,10 @@ class TrackPictures:
         pen = ImageDraw.Draw(picture)
         downs = _downs(seen)
         usual = float(np.nanmedian(downs)) if np.isfinite(downs).any() else (seen.view.height or 1.5)
+        if self._marks is not None:
+            if len(now):
+                self._marks.count(now, int(now.frame.max()) + 1)
+            self._marks.paint(pen, seen.view, seen.view.height or usual)
         for k in range(len(now)):
             index = int(now.index[k])
             self._vehicle(pen, seen, now[k : k + 1], float(downs[index]) if index >= 0 else usual)
@@ -113,16 +118,18 @@ def _downs(seen: SeenVehicles) -> FloatArray:
 class TrackMap:
     """All tracks from above, with speeds."""
 
-    def __init__(self, path: str | PathLike[str]) -> None:
+    def __init__(self, path: str | PathLike[str], marks: RoadMarks | None = None) -> None:
         """Raises InputError for a name that is none of a picture."""
         from groundpose.draw.picture import check_path
 
         check_path(path)
-        self.path = path
+        self.path, self._marks = path, marks
         self._lines: dict[int, list[FloatArray]] = {}
 
-    def add(self, tracks: Tracks) -> None:
-        """More rows."""
+    def add(self, tracks: Tracks, complete: int) -> None:
+        """More rows; none of a frame before number `complete` is to come."""
+        if self._marks is not None:
+            self._marks.count(tracks, complete)
         for vehicle in tracks.vehicles():
             columns = [vehicle.place, _KMH * vehicle.speed[:, None]]
             self._lines.setdefault(int(vehicle.id[0]), []).append(np.concatenate(columns, axis=1))
@@ -133,6 +140,8 @@ class TrackMap:
 
         figure = Figure(figsize=(8, 8), facecolor=PAPER)
         axes = figure.add_subplot()
+        if self._marks is not None:
+            self._marks.plot(axes)
         for number, parts in self._lines.items():
             line = np.concatenate(parts)
             axes.plot(
