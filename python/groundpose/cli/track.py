@@ -13,7 +13,7 @@ import typer
 
 from groundpose._checks import input_error
 from groundpose._core import InputError
-from groundpose._writing import whole_file
+from groundpose._writing import replaceable, whole_file
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.inputs import NetworkFile, is_image
@@ -89,9 +89,7 @@ def track(
     ] = None,
     counts: Annotated[
         Path | None,
-        typer.Option(
-            help="Table of who crosses lines and lanes, when and how fast (.csv).", metavar="FILE"
-        ),
+        typer.Option(help="Table of who crosses lines and lanes, when and how fast (.csv).", metavar="FILE"),
     ] = None,
     summary: Annotated[
         Path | None,
@@ -195,17 +193,14 @@ def _format(form: str, out: Path | None) -> str:
 
 
 def _spare(inputs: tuple[Path | None, ...], outputs: tuple[Path | None, ...]) -> None:
-    """Refuse to write onto an input."""
-    for path in outputs:
-        for given in inputs:
-            if (
-                path is not None
-                and given is not None
-                and path.exists()
-                and given.exists()
-                and path.samefile(given)
-            ):
-                refuse(f"{path}: is an input; give another name")
+    """Refuse to write onto an input, or two outputs into one file."""
+    written: set[Path] = set()
+    for path in (path for path in outputs if path is not None):
+        if path.exists() and any(given and given.exists() and path.samefile(given) for given in inputs):
+            refuse(f"{path}: is an input; give another name")
+        if path.resolve() in written and replaceable(path):
+            refuse(f"{path}: is given for two outputs; give another name")
+        written.add(path.resolve())
 
 
 @contextmanager

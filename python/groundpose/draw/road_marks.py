@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import cycle
+from string import ascii_uppercase
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray
 from groundpose.tracking import Tracks
@@ -45,31 +47,36 @@ class RoadMarks:
         """Over a picture, for Pillow's pen; the road lies `down` metres below the camera."""
         for lane in self.lanes:
             _stroke(pen, view, down, np.concatenate([lane.polygon, lane.polygon[:1]]), LANE, 1)
-        for line in self._counter.lines:
-            drawn = line in self.lines
-            middle = _stroke(pen, view, down, np.stack([line.start, line.end]), LINE if drawn else LANE, 2)
+        said = []
+        for letter, line in self._lettered():
+            colour = LINE if line in self.lines else LANE
+            middle = _stroke(pen, view, down, np.stack([line.start, line.end]), colour, 2)
+            said.append(f"{letter}  {self.label(line)}")
             if middle is not None:
-                box = pen.textbbox(middle, self.label(line), anchor="mm")
-                pen.rectangle([box[0] - 3, box[1] - 2, box[2] + 3, box[3] + 2], fill="#000000")
-                pen.text(middle, self.label(line), fill=LINE if drawn else LANE, anchor="mm")
+                x, y = middle
+                pen.ellipse([x - 7, y - 7, x + 7, y + 7], fill="#000000", outline=colour)
+                pen.text(middle, letter, fill=colour, anchor="mm")
+        table = "\n".join(said)
+        left, top, right, bottom = pen.multiline_textbbox((12, 10), table)
+        pen.rectangle([left - 6, top - 5, right + 6, bottom + 5], fill="#000000")
+        pen.multiline_text((12, 10), table, fill=LANE)
+
+    def _lettered(self) -> Iterator[tuple[str, Line]]:
+        return zip(cycle(ascii_uppercase), self._counter.lines, strict=False)
 
     def plot(self, axes: Any) -> None:
         """On matplotlib's axes of the ground, metres right and forward."""
         for lane in self.lanes:
             axes.fill(*lane.polygon.T, facecolor="#00000010", edgecolor="#888888", linewidth=0.8)
-        for line in self._counter.lines:
+        for letter, line in self._lettered():
             ends = np.stack([line.start, line.end])
             style = "-" if line in self.lines else ":"
-            axes.plot(*ends.T, color=_PRINTED, linewidth=1.2, linestyle=style)
-            axes.annotate(
-                self.label(line),
-                line.end,
-                xytext=(3, 3),
-                textcoords="offset points",
-                fontsize=8,
-                color=_PRINTED,
-                bbox={"facecolor": "#FFFFFF", "edgecolor": "none", "alpha": 0.7, "pad": 1},
+            axes.plot(
+                *ends.T, color=_PRINTED, linewidth=1.2, linestyle=style, label=f"{letter}  {self.label(line)}"
             )
+            box = {"boxstyle": "circle,pad=0.15", "facecolor": "#FFFFFF", "edgecolor": _PRINTED}
+            axes.annotate(letter, line.end, fontsize=6, color=_PRINTED, bbox=box, ha="center", va="center")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=8, handlelength=1.5)
 
 
 def _stroke(

@@ -91,7 +91,7 @@ class TrackPictures:
             for a, b in _EDGES:
                 pen.line([*points[a], *points[b]], fill=colour, width=4 if (a, b) == (0, 1) else 2)
             left, top = points[:, 0].min(), points[:, 1].min()
-            said = "stands" if row.standing[0] else f"{_KMH * row.speed[0]:.0f} km/h"
+            said = "stands" if row.standing[0] else f"{round(_KMH * row.speed[0])} km/h"
             pen.text((left, top - 12), f"{number} {said}", fill=colour)
         trail = self._trails.setdefault(number, deque(maxlen=_TRAIL))
         trail.append(np.array([x, down, z]))
@@ -153,7 +153,7 @@ class TrackMap:
                 markersize=3,
             )
             end, speed = line[-1], float(np.median(line[:, 2]))
-            axes.annotate(f"{number}: {speed:.0f}", end[:2], fontsize=7, color=colour_of(number))
+            axes.annotate(f"{number}: {round(speed)}", end[:2], fontsize=7, color=colour_of(number))
         axes.plot(0.0, 0.0, marker="^", color="#000000", markersize=9)
         axes.set(xlabel="metres to the right", ylabel="metres forward", aspect="equal")
         axes.grid(color=GRID)

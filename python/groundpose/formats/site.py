@@ -158,7 +158,7 @@ class _Points:
 
     def _pixels(self, field: Field, points: FloatArray) -> FloatArray:
         if self.view is None or self.view.height is None:
-            field.fail("a camera whose height is known", "none")
+            field.fail("a camera that stands, whose height is known", "none")
         places = self.view.ground_of(points)
         for k, place in enumerate(places):
             if not np.linalg.norm(place) < _SEEN:
