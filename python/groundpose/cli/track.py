@@ -17,6 +17,7 @@ from groundpose._writing import replaceable, whole_file
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.known_camera import KnownCamera
 from groundpose.cli.output import mistakes, refuse, standard_output
 from groundpose.cli.track_input import Followed, Odometry, of_images, of_lines, pose_lines
 from groundpose.cli.track_job import TrackJob
@@ -24,7 +25,6 @@ from groundpose.cli.track_output import OpenFrames, TrackRows
 from groundpose.cli.track_traffic import Tables
 from groundpose.draw.road_marks import RoadMarks
 from groundpose.draw.tracks import TrackMap, TrackPictures
-from groundpose.formats.calibrations import read_calibration
 from groundpose.formats.site import Site, read_site
 from groundpose.formats.tracks import ENDINGS, FORMATS
 from groundpose.tracking import Tracker, TrackOptions
@@ -71,7 +71,8 @@ def track(
     ] = None,
     network: NetworkFile = None,
     height: Annotated[
-        float | None, typer.Option(help="Height of the camera, instead of the file's.", metavar="METRES")
+        float | None,
+        typer.Option(help="Height of the camera, of a file that is no profile.", metavar="METRES"),
     ] = None,
     world: Annotated[
         Path | None,
@@ -131,13 +132,14 @@ def track(
       groundpose estimate frames.jsonl | groundpose track - --camera camera.json --fps 10 --live
     """
     with mistakes():
-        view = read_calibration(camera)
-        if height is not None:
-            view = View(view.camera, view.pitch, view.roll, height)
+        known = KnownCamera.read(camera, height)
+        view = known.view
         if fps is not None and not (fps > 0.0 and math.isfinite(fps)):
             raise input_error("--fps", "a number above 0", fps)
         motion = "odometry" if odometry is not None else camera_motion
-        tracker = Tracker(view, TrackOptions(camera_motion=cast(CameraMotion, motion)))
+        # The poses of images have a camera of their size, which its file may not say.
+        camera_of_all = None if view.camera.image_size is None else view
+        tracker = Tracker(camera_of_all, TrackOptions(camera_motion=cast(CameraMotion, motion)))
         moves = None if odometry is None else Odometry(odometry)
         form = _format(form, out)
         site = _site(world, lanes, view, motion)
@@ -153,7 +155,7 @@ def track(
             job.sinks.append(TrackMap(birds_eye, _marks(site)))
         with ExitStack() as stack:
             choice = BoxChoice(boxes, detector, None)
-            given = stack.enter_context(_frames(source, view, camera, choice, network, height))
+            given = stack.enter_context(track_frames(source, known, camera, choice, network))
             stream = standard_output() if out is None else stack.enter_context(whole_file(out))
             job.sinks.append(TrackRows(stream, form, frames, view, site.world))
             job.sinks += tables.open(stack, site, frames)
@@ -204,19 +206,17 @@ def _spare(inputs: tuple[Path | None, ...], outputs: tuple[Path | None, ...]) ->
 
 
 @contextmanager
-def _frames(
-    source: Path, view: View, camera: Path, found_by: BoxChoice, network: Path | None, height: float | None
+def track_frames(
+    source: Path, known: KnownCamera, camera: Path, found_by: BoxChoice, network: Path | None
 ) -> Iterator[Iterator[Followed | InputError]]:
+    """What is followed: lines of poses, or images whose poses are found as `estimate` finds them."""
     if found_by.boxes is None and found_by.detector is None and not is_image(source):
-        with pose_lines(source, view) as lines:
+        with pose_lines(source, known.view) as lines:
             yield of_lines(lines, source.parent)
         return
     from groundpose.cli.images import ImageWork
-    from groundpose.cli.run import Mounting
-    from groundpose.frame import FramePriors
     from groundpose.keypoints.pipeline import Pipeline
 
     found_by.check(source)
-    frame = None if view.height is None else FramePriors()
-    mounting = Mounting(view.pitch, view.roll, height, None, frame)
-    yield of_images(ImageWork(source, found_by, CameraChoice(camera), mounting, -math.inf, Pipeline(network)))
+    choice = CameraChoice(camera)
+    yield of_images(ImageWork(source, found_by, choice, known.mounting, -math.inf, Pipeline(network)))
