@@ -1,11 +1,14 @@
 """`groundpose track` of images: the profile whole, what an interrupted run keeps, films, recordings."""
 
 import json
+import subprocess
+import sys
 
 import groundpose as gp
 import numpy as np
 import pytest
 import stand_in
+from groundpose._writing import only_writer
 from groundpose.camera_profile import CameraProfile
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.known_camera import KnownCamera
@@ -121,3 +124,94 @@ def test_poses_of_another_camera_are_refused(tmp_path):
     said = " ".join(result.output.split())
     assert "poses.jsonl:6: camera.fx: expected that of the camera that is given, 1000 within 5 %" in said
     assert "poses.jsonl:7: camera.image_size: expected that of the camera that is given, (1280, 720)" in said
+
+
+class Counting:
+    """Counts the images that a pipeline looks at; at `last` it is interrupted."""
+
+    def __init__(self, monkeypatch, last=None):
+        self.count, call = 0, gp.Pipeline.__call__
+
+        def counted(pipeline, *args, **more):
+            if self.count == last:
+                raise KeyboardInterrupt
+            self.count += 1
+            return call(pipeline, *args, **more)
+
+        monkeypatch.setattr(gp.Pipeline, "__call__", counted)
+
+
+def hidden(folder):
+    return sorted(path.name for path in folder.iterdir() if path.name.startswith("."))
+
+
+def test_an_interrupted_run_goes_on_to_the_same_rows(street, network, monkeypatch):
+    whole, out = street / "whole.csv", street / "tracks.csv"
+    given = inputs(street, network)
+    assert run(*given, "-o", whole).exit_code == 0
+    assert hidden(street) == []
+    with monkeypatch.context() as patch:
+        Counting(patch, last=9)
+        result = run(*given, "-o", out)
+    assert result.exit_code == 130
+    assert "frames followed: 9; the same command goes on" in result.output
+    assert len(out.read_text().splitlines()) == 10, "what was found so far"
+    with monkeypatch.context() as patch:
+        counting = Counting(patch, last=5)
+        assert run(*given, "-o", out).exit_code == 130
+        assert counting.count == 5
+    with monkeypatch.context() as patch:
+        counting = Counting(patch)
+        result = run(*given, "-o", out)
+    assert result.exit_code == 0, result.output
+    assert "going on: the poses of 14 images are there" in result.output
+    assert counting.count == FRAMES - 14
+    assert out.read_bytes() == whole.read_bytes()
+    assert hidden(street) == []
+
+
+def test_a_killed_run_goes_on_to_the_same_rows(street, network):
+    whole, out = street / "whole.csv", street / "tracks.csv"
+    given = [*map(str, inputs(street, network)), "-o"]
+    assert run(*given, whole).exit_code == 0
+    killed = f"""
+import os, groundpose as gp
+call, count = gp.Pipeline.__call__, [0]
+def counted(*args, **more):
+    count[0] += 1
+    if count[0] > 11:
+        os._exit(9)
+    return call(*args, **more)
+gp.Pipeline.__call__ = counted
+from groundpose.cli.main import app
+app({["track", *given, str(out)]!r})
+"""
+    assert subprocess.run([sys.executable, "-c", killed], check=False, capture_output=True).returncode == 9
+    assert not out.exists()
+    result = run(*given, out)
+    assert result.exit_code == 0, result.output
+    assert "going on: the poses of 11 images are there" in result.output
+    assert out.read_bytes() == whole.read_bytes()
+    assert hidden(street) == []
+
+
+def test_poses_of_another_command_are_not_gone_on_with(street, network, monkeypatch):
+    out = street / "tracks.csv"
+    with monkeypatch.context() as patch:
+        Counting(patch, last=9)
+        assert run(*inputs(street, network), "-o", out).exit_code == 130
+    counting = Counting(monkeypatch)
+    result = run(*inputs(street, network), "-o", out, "--height", 2)
+    assert result.exit_code == 0, result.output
+    assert "begun anew" in result.output
+    assert counting.count == FRAMES
+    assert hidden(street) == []
+
+
+def test_one_run_writes_a_file(street, network):
+    out = street / "tracks.csv"
+    with only_writer(out):
+        result = run(*inputs(street, network), "-o", out)
+    assert result.exit_code == 2
+    assert "expected no other run that writes there" in result.output
+    assert run(*inputs(street, network), "-o", "/dev/null", "--format", "csv").exit_code == 0

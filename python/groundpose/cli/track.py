@@ -13,14 +13,16 @@ import typer
 
 from groundpose._checks import input_error
 from groundpose._core import InputError
-from groundpose._writing import replaceable, whole_file
+from groundpose._writing import only_writer, replaceable, whole_file
+from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.kept_poses import KeptPoses, kept_poses
 from groundpose.cli.known_camera import KnownCamera
 from groundpose.cli.output import mistakes, refuse, standard_output
 from groundpose.cli.track_input import Followed, Odometry, of_images, of_lines, pose_lines
-from groundpose.cli.track_job import TrackJob
+from groundpose.cli.track_job import INTERRUPTED, TrackJob
 from groundpose.cli.track_output import OpenFrames, TrackRows
 from groundpose.cli.track_traffic import Tables
 from groundpose.draw.road_marks import RoadMarks
@@ -118,7 +120,8 @@ def track(
 
     Rows are smoothed by later frames and come when a vehicle has left; with
     --live every frame's come at once. Frames that cannot be used are named
-    and left out; what was found so far is written when it is interrupted.
+    and left out; what was found so far is written when it is interrupted,
+    and the same command then goes on with the poses of the images so far.
 
     Exit status: 0 when all went well; 1 when some frames were bad (the
     others are done); 2 when the call was wrong and nothing was done.
@@ -131,6 +134,8 @@ def track(
 
       groundpose estimate frames.jsonl | groundpose track - --camera camera.json --fps 10 --live
     """
+    deciding = {"source": source, "camera": camera, "boxes": boxes, "detector": detector, "network": network}
+    settings = asked({**deciding, "height": height, "out": out})
     with mistakes():
         known = KnownCamera.read(camera, height)
         view = known.view
@@ -153,13 +158,21 @@ def track(
         job.pictures = None if draw is None else TrackPictures(draw, _marks(site, motion != "odometry"))
         if birds_eye is not None:
             job.sinks.append(TrackMap(birds_eye, _marks(site)))
+        file = out if out is not None and replaceable(out) else None
         with ExitStack() as stack:
-            choice = BoxChoice(boxes, detector, None)
-            given = stack.enter_context(track_frames(source, known, camera, choice, network))
+            if file is not None:
+                stack.enter_context(only_writer(file))
+            choice, kept = BoxChoice(boxes, detector, None), None
+            if is_followed_images(source, choice):
+                kept = stack.enter_context(kept_poses(file, settings, view))
+            job.goes_on = kept is not None
+            given = stack.enter_context(track_frames(source, known, camera, choice, network, kept))
             stream = standard_output() if out is None else stack.enter_context(whole_file(out))
             job.sinks.append(TrackRows(stream, form, frames, view, site.world))
             job.sinks += tables.open(stack, site, frames)
             status = job.run(given, stream)
+        if kept is not None and status != INTERRUPTED:
+            kept.forget()
     raise typer.Exit(status)
 
 
@@ -207,10 +220,15 @@ def _spare(inputs: tuple[Path | None, ...], outputs: tuple[Path | None, ...]) ->
 
 @contextmanager
 def track_frames(
-    source: Path, known: KnownCamera, camera: Path, found_by: BoxChoice, network: Path | None
+    source: Path,
+    known: KnownCamera,
+    camera: Path,
+    found_by: BoxChoice,
+    network: Path | None,
+    kept: KeptPoses | None = None,
 ) -> Iterator[Iterator[Followed | InputError]]:
     """What is followed: lines of poses, or images whose poses are found as `estimate` finds them."""
-    if found_by.boxes is None and found_by.detector is None and not is_image(source):
+    if not is_followed_images(source, found_by):
         with pose_lines(source, known.view) as lines:
             yield of_lines(lines, source.parent)
         return
@@ -219,4 +237,10 @@ def track_frames(
 
     found_by.check(source)
     choice = CameraChoice(camera)
-    yield of_images(ImageWork(source, found_by, choice, known.mounting, -math.inf, Pipeline(network)))
+    work = ImageWork(source, found_by, choice, known.mounting, -math.inf, Pipeline(network))
+    yield of_images(work, kept)
+
+
+def is_followed_images(source: Path, found_by: BoxChoice) -> bool:
+    """Whether the input is images, else lines of poses."""
+    return found_by.boxes is not None or found_by.detector is not None or is_image(source)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from groundpose._checks import input_error
 from groundpose._core import InputError
 from groundpose.cli.images import ImageWork
+from groundpose.cli.kept_poses import KeptPoses
 from groundpose.cli.output import refuse
 from groundpose.formats.pose_lines import PoseLines
 from groundpose.tracking import SeenVehicles
@@ -54,14 +55,23 @@ def of_lines(lines: PoseLines, folder: Path) -> Iterator[Followed | InputError]:
             yield Followed(frame.place, frame.id, frame.time, frame.seen, picture)
 
 
-def of_images(work: ImageWork) -> Iterator[Followed | InputError]:
-    """Frames whose poses are found now."""
-    for result in work:
-        if isinstance(result, InputError):
-            yield result
-        elif result is not None:
-            frame, seen = result.frame, SeenVehicles.of(result.poses)
-            yield Followed(f"{work.name}: {frame.id}", frame.id, frame.time, seen, result.image)
+def of_images(work: ImageWork, kept: KeptPoses | None) -> Iterator[Followed | InputError]:
+    """Frames whose poses are found now, but those that are kept of an interrupted run."""
+    for number, shot in enumerate(work.shots()):
+        if isinstance(shot, InputError):
+            yield shot
+            continue
+        seen = None if kept is None else kept.get(number)
+        image: Image | Path = shot.path if shot.image is None else shot.image
+        if seen is None:
+            result = work.solve(shot)
+            if isinstance(result, InputError):
+                yield result
+                continue
+            seen, image = SeenVehicles.of(result.poses), image if result.image is None else result.image
+            if kept is not None:
+                kept.add(number, seen)
+        yield Followed(f"{work.name}: {shot.label}", shot.label, shot.time, seen, image)
 
 
 @contextmanager

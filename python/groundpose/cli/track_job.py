@@ -17,6 +17,8 @@ from groundpose.cli.track_output import OpenFrames, Sink
 from groundpose.draw.tracks import TrackPictures
 from groundpose.tracking import Tracker, Tracks
 
+INTERRUPTED = 130
+"""Exit status."""
 _TAKE = 256
 """Frames after which finished rows are written."""
 _NAMED = 5
@@ -35,6 +37,7 @@ class TrackJob:
         odometry: how the camera moves.
         live: rows come with their frame, not smoothed by what comes later.
         pictures: drawn frame by frame; None: none.
+        goes_on: whether the same command goes on with a run that was interrupted.
     """
 
     tracker: Tracker
@@ -44,6 +47,7 @@ class TrackJob:
     odometry: Odometry | None = None
     live: bool = False
     pictures: TrackPictures | None = None
+    goes_on: bool = False
     bad: list[InputError] = field(default_factory=list)
     unnamed: int = 0
 
@@ -60,8 +64,9 @@ class TrackJob:
                     self._follow(number, frame)
                     progress.advance(task)
         except KeyboardInterrupt:
-            complain(f"interrupted; frames followed: {self.tracker.frames}")
-            status = 130
+            goes_on = "; the same command goes on" if self.goes_on else ""
+            complain(f"interrupted; frames followed: {self.tracker.frames}{goes_on}")
+            status = INTERRUPTED
         if not self.tracker.frames and self.bad:
             raise self.bad[0]
         last = self.tracker.finish()
