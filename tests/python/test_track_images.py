@@ -14,6 +14,7 @@ from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.known_camera import KnownCamera
 from groundpose.cli.main import app
 from groundpose.cli.track import track_frames
+from PIL import Image
 from test_cli_images import BOX, CALIBRATION, SIZE, VIEW, car_places, picture
 from typer.testing import CliRunner
 
@@ -78,8 +79,6 @@ def test_poses_of_images_use_all_of_a_profile(street, network):
 
 
 def picture_of(street, number):
-    from PIL import Image
-
     with Image.open(street / "pictures" / f"{number:06d}.png") as image:
         return image.convert("RGB")
 
@@ -215,3 +214,77 @@ def test_one_run_writes_a_file(street, network):
     assert result.exit_code == 2
     assert "expected no other run that writes there" in result.output
     assert run(*inputs(street, network), "-o", "/dev/null", "--format", "csv").exit_code == 0
+
+
+def film_of(path):
+    av = pytest.importorskip("av")
+    with av.open(str(path)) as film:
+        stream = film.streams.video[0]
+        return [
+            (float(frame.pts * stream.time_base), frame.to_ndarray(format="rgb24"))
+            for frame in film.decode(video=0)
+        ]
+
+
+def test_a_film_has_the_drawn_frames_at_their_times(street, network):
+    pytest.importorskip("av")
+    given, film = inputs(street, network), street / "tracks.mp4"
+    (street / "boxes" / "000007.json").write_text("{")
+    result = run(*given, "-o", street / "t.csv", "--draw", film)
+    assert result.exit_code == 1, result.output
+    result = run(*given, "-o", street / "t.csv", "--draw", street / "drawn" / "{id}.png")
+    assert result.exit_code == 1
+    frames = film_of(film)
+    numbers = [k for k in range(FRAMES) if k != 7]
+    assert [time for time, _ in frames] == pytest.approx([0.1 * k for k in numbers], abs=2e-3)
+    with Image.open(street / "drawn" / f"{FRAMES - 1:06d}.png") as last:
+        drawn = np.asarray(last.convert("RGB")).astype(float)
+    assert frames[-1][1].shape == drawn.shape
+    assert np.abs(frames[-1][1] - drawn).mean() < 12.0
+    plain = np.asarray(picture_of(street, FRAMES - 1)).astype(float)
+    assert (np.abs(drawn - plain).max(axis=2) > 60.0).sum() > 300, "a box is drawn"
+    assert np.abs(frames[-1][1] - drawn)[np.abs(drawn - plain).max(axis=2) > 60.0].mean() < 60.0
+
+
+def test_a_film_is_whole_or_not_there(street, network, monkeypatch):
+    pytest.importorskip("av")
+    film = street / "tracks.mp4"
+    film.write_bytes(b"of before")
+    (street / "camera.json").write_text(json.dumps({**CALIBRATION, "image_size": [10, 10]}))
+    result = run(*inputs(street, network), "-o", street / "t.csv", "--draw", film)
+    assert result.exit_code == 2, "no frame can be used"
+    assert film.read_bytes() == b"of before"
+    (street / "camera.json").write_text(json.dumps({**CALIBRATION, "camera_height": 1.6}))
+    with monkeypatch.context() as patch:
+        Counting(patch, last=9)
+        assert run(*inputs(street, network), "-o", street / "t.csv", "--draw", film).exit_code == 130
+    assert len(film_of(film)) == 9, "what was drawn so far"
+    result = run(*inputs(street, network), "-o", street / "t.csv", "--draw", film)
+    assert result.exit_code == 0, result.output
+    assert len(film_of(film)) == FRAMES, "the frames of before are drawn too"
+
+
+def test_images_are_never_drawn_over(street, network):
+    before = (street / "pictures" / "000003.png").read_bytes()
+    result = run(*inputs(street, network), "-o", street / "t.csv", "--draw", street / "pictures" / "{id}.png")
+    assert result.exit_code == 1
+    assert "--draw: expected a name that is not the image's" in " ".join(result.output.split())
+    assert (street / "pictures" / "000003.png").read_bytes() == before
+    result = run(*inputs(street, network), "-o", street / "t.csv", "--draw", street / "a.mov")
+    assert result.exit_code == 2
+    assert "--draw: expected a name that ends in .png, .jpg or .mp4" in " ".join(result.output.split())
+
+
+def test_a_map_of_many_vehicles_is_bounded(tmp_path):
+    from groundpose.draw.track_map import TrackMap
+    from test_traffic import straight
+
+    drawn = TrackMap(tmp_path / "map.png")
+    for number in range(1200):
+        for part in range(2):
+            drawn.add(straight(number, 1.0, 4.0 * part, 1.0, begin=4.0 * part), 0)
+    assert len(drawn._ways) == 1000
+    way = drawn._ways[1199]
+    assert len(way) < 20
+    assert (way[0, 1], way[-1, 1]) == pytest.approx((0.0, 7.9))
+    assert np.diff(way[:, 1]).max() < 0.71

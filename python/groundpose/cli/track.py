@@ -26,7 +26,8 @@ from groundpose.cli.track_job import INTERRUPTED, TrackJob
 from groundpose.cli.track_output import OpenFrames, TrackRows
 from groundpose.cli.track_traffic import Tables
 from groundpose.draw.road_marks import RoadMarks
-from groundpose.draw.tracks import TrackMap, TrackPictures
+from groundpose.draw.track_map import TrackMap
+from groundpose.draw.tracks import TrackPictures
 from groundpose.formats.site import Site, read_site
 from groundpose.formats.tracks import ENDINGS, FORMATS
 from groundpose.tracking import Tracker, TrackOptions
@@ -104,7 +105,9 @@ def track(
     ] = None,
     draw: Annotated[
         Path | None,
-        typer.Option(help="Pictures with trails and speeds; put {id} into the name.", metavar="FILE"),
+        typer.Option(
+            help="Trails and speeds as a film (.mp4) or pictures with {id} in the name.", metavar="FILE"
+        ),
     ] = None,
     birds_eye: Annotated[
         Path | None, typer.Option(help="Picture of all tracks from above (.png, .svg, .pdf).", metavar="FILE")
@@ -152,7 +155,7 @@ def track(
             raise input_error("--world", "csv or jsonl, which have places on a map", form)
         tables = Tables(counts, summary, every)
         tables.check(site)
-        _spare((source, camera, boxes, odometry, world, lanes), (out, birds_eye, counts, summary))
+        _spare((source, camera, boxes, odometry, world, lanes), (out, birds_eye, counts, summary, draw))
         frames = OpenFrames()
         job = TrackJob(tracker, [], frames, fps, moves, live)
         job.pictures = None if draw is None else TrackPictures(draw, _marks(site, motion != "odometry"))
@@ -168,6 +171,8 @@ def track(
             job.goes_on = kept is not None
             given = stack.enter_context(track_frames(source, known, camera, choice, network, kept))
             stream = standard_output() if out is None else stack.enter_context(whole_file(out))
+            if job.pictures is not None:
+                stack.enter_context(job.pictures)
             job.sinks.append(TrackRows(stream, form, frames, view, site.world))
             job.sinks += tables.open(stack, site, frames)
             status = job.run(given, stream)

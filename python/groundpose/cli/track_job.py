@@ -80,11 +80,11 @@ class TrackJob:
         try:
             if isinstance(frame, InputError):
                 raise frame
-            now = self._next(number, frame)
+            now, time = self._next(number, frame)
             if self.live:
                 self._hand_out(now)
             if self.pictures is not None:
-                self.pictures.add(frame.id, frame.pixels(), frame.seen, now)
+                self.pictures.add(frame.id, time, frame.pixels(), frame.seen, now, frame.path)
         except InputError as error:
             self._complain(error)
         if self.live:
@@ -92,7 +92,7 @@ class TrackJob:
         elif self.tracker.frames % _TAKE == 0:
             self._hand_out(self.tracker.take())
 
-    def _next(self, number: int, frame: Followed) -> Tracks:
+    def _next(self, number: int, frame: Followed) -> tuple[Tracks, float]:
         with blamed(frame.place):
             if frame.time is None and self.fps is None:
                 raise input_error("--fps", "frames a second, for input without times", "none")
@@ -100,7 +100,7 @@ class TrackJob:
             moved = None if self.odometry is None else self.odometry.moved(number)
             now = self.tracker.update(frame.seen, time, moved)
         self.frames.note(self.tracker.frames - 1, frame, time)
-        return now
+        return now, time
 
     def _hand_out(self, tracks: Tracks) -> None:
         complete = self.tracker.frames if self.live else self.tracker.open_frame
