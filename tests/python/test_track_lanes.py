@@ -4,6 +4,7 @@ import csv
 import json
 import math
 
+import groundpose as gp
 import numpy as np
 import pytest
 from groundpose.cli.main import app
@@ -226,3 +227,41 @@ def test_pixels_need_a_height_and_a_camera_that_stands(tmp_path):
     assert result.exit_code == 2
     assert "pixels: expected a camera that stands, whose height is known" in " ".join(result.output.split())
     assert command(tmp_path, *more, "--height", 1.5, lanes=text).exit_code == 0
+
+
+def test_memory_stays_flat(tmp_path):
+    """A parked vehicle and one that comes by every five seconds: what is remembered is bounded."""
+    from groundpose.cli.track_input import Followed
+    from groundpose.cli.track_job import TrackJob
+    from groundpose.cli.track_output import OpenFrames, TrackRows
+    from groundpose.cli.track_traffic import TrafficTables
+    from groundpose.traffic import CrossingCounter, Line
+    from test_tracks import VIEW, seen
+
+    frames, counter = OpenFrames(), CrossingCounter([Line("gate", [-5.0, 25.0], [5.0, 25.0])])
+    most = [0, 0, 0]
+
+    class Watch:
+        def add(self, tracks, complete):
+            now = len(frames.names), len(counter._followed), len(counter._waiting)
+            most[:] = map(max, most, now)
+
+        def close(self):
+            pass
+
+    def given():
+        for k in range(3000):
+            places = [[6.0, 30.0], [0.0, 20.0 + 0.6 * (k % 50)]]
+            cars = seen(places if k % 50 < 30 else places[:1], [0.0] * (2 if k % 50 < 30 else 1))
+            yield Followed(f"frame {k}", k, 0.1 * k, cars)
+
+    with (tmp_path / "rows").open("w") as rows, (tmp_path / "counts").open("w") as counts:
+        tables = TrafficTables(counter, frames, None, counts, None, None)
+        text = TrackRows(rows, "csv", frames, VIEW, None)
+        assert TrackJob(gp.Tracker(VIEW), [text, tables, Watch()], frames).run(given(), rows) == 0
+    assert most[0] <= 400 + 256
+    assert most[1] <= 14, "those of the frames that are open"
+    assert most[2] <= 14
+    assert len(table(tmp_path / "counts")) == 60
+    named = [int(row["frame"]) for row in table(tmp_path / "rows") if row["id"] == "1"]
+    assert named == list(range(3000))

@@ -28,6 +28,7 @@ from groundpose.cli.track_traffic import Tables
 from groundpose.draw.road_marks import RoadMarks
 from groundpose.draw.track_map import TrackMap
 from groundpose.draw.tracks import TrackPictures
+from groundpose.formats.rerun_tracks import TrackLog
 from groundpose.formats.site import Site, read_site
 from groundpose.formats.tracks import ENDINGS, FORMATS
 from groundpose.tracking import Tracker, TrackOptions
@@ -112,6 +113,10 @@ def track(
     birds_eye: Annotated[
         Path | None, typer.Option(help="Picture of all tracks from above (.png, .svg, .pdf).", metavar="FILE")
     ] = None,
+    rerun: Annotated[
+        Path | None,
+        typer.Option(help="Timeline for the Rerun viewer (.rrd): boxes, trails, speeds.", metavar="FILE"),
+    ] = None,
     live: Annotated[
         bool,
         typer.Option(
@@ -155,10 +160,13 @@ def track(
             raise input_error("--world", "csv or jsonl, which have places on a map", form)
         tables = Tables(counts, summary, every)
         tables.check(site)
-        _spare((source, camera, boxes, odometry, world, lanes), (out, birds_eye, counts, summary, draw))
+        _spare(
+            (source, camera, boxes, odometry, world, lanes), (out, birds_eye, counts, summary, draw, rerun)
+        )
         frames = OpenFrames()
         job = TrackJob(tracker, [], frames, fps, moves, live)
         job.pictures = None if draw is None else TrackPictures(draw, _marks(site, motion != "odometry"))
+        log = None if rerun is None else TrackLog(rerun, view, site.lines, site.lanes)
         if birds_eye is not None:
             job.sinks.append(TrackMap(birds_eye, _marks(site)))
         file = out if out is not None and replaceable(out) else None
@@ -171,6 +179,8 @@ def track(
             job.goes_on = kept is not None
             given = stack.enter_context(track_frames(source, known, camera, choice, network, kept))
             stream = standard_output() if out is None else stack.enter_context(whole_file(out))
+            if log is not None:
+                job.sinks.append(stack.enter_context(log))
             if job.pictures is not None:
                 stack.enter_context(job.pictures)
             job.sinks.append(TrackRows(stream, form, frames, view, site.world))
