@@ -139,9 +139,7 @@ class _Points:
         if len(given) != 1:
             item.fail(f"points in one of {', '.join(self.kinds)}", f"{len(given)} of them")
         kind, field = given[0]
-        points = np.array(field.rows(2)).reshape(-1, 2)
-        with field.blamed():
-            return self.kinds[kind](self, field, points)
+        return self.kinds[kind](self, field, np.array(field.rows(2)).reshape(-1, 2))
 
     def _ground(self, field: Field, points: FloatArray) -> FloatArray:
         return points
@@ -149,12 +147,14 @@ class _Points:
     def _map(self, field: Field, points: FloatArray) -> FloatArray:
         if self.world is None or self.world.is_geographic:
             field.fail("the map of the file, or of --world", "none")
-        return self.world.ground_of(points)
+        with field.blamed():
+            return self.world.ground_of(points)
 
     def _geographic(self, field: Field, points: FloatArray) -> FloatArray:
         if self.world is None or not self.world.is_geographic:
             field.fail("the file's geographic coordinates, or those of --world", "none")
-        return self.world.ground_of_geographic(points)
+        with field.blamed():
+            return self.world.ground_of_geographic(points)
 
     def _pixels(self, field: Field, points: FloatArray) -> FloatArray:
         if self.view is None or self.view.height is None:
@@ -174,17 +174,17 @@ def _line(item: Field, points: _Points) -> Line:
     name, ends, words = str(item.need("name").label()), points.of(item), item.get("directions")
     if len(ends) != 2:
         item.fail("two points", str(len(ends)))
+    given = [] if words is None else [word.text() for word in words.items()]
+    if words is not None and len(given) != 2:
+        words.fail("two words")
     with item.blamed():
-        if words is None:
-            return Line(name, ends[0], ends[1])
-        given = [word.text() for word in words.items()]
-        if len(given) != 2:
-            words.fail("two words")
-        return Line(name, ends[0], ends[1], (given[0], given[1]))
+        start, end = ends
+        return Line(name, start, end, (given[0], given[1])) if given else Line(name, start, end)
 
 
 def _lane(item: Field, points: _Points) -> Lane:
     item.members(("name", "width", *points.kinds))
     name, corners, width = str(item.need("name").label()), points.of(item), item.get("width")
+    across = None if width is None else width.number()
     with item.blamed():
-        return Lane(name, corners) if width is None else Lane.along(name, corners, width.number())
+        return Lane(name, corners) if across is None else Lane.along(name, corners, across)
