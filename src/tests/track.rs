@@ -203,7 +203,7 @@ fn answers_are_the_same_bits_again_and_memory_stays_flat() {
         let mut tracker = Tracker::new(options).unwrap();
         let mut random = Random::new(7);
         let (mut found, mut open) = (vec![], 0);
-        for k in 0..300 {
+        for k in 0..300_u32 {
             let cars: Vec<Sighting> = (0..6)
                 .map(|n| {
                     let truth = Truth([6.0 * f64::from(n) - 15.0, 30.0], 0.0, 0.0, 0.0);
@@ -216,7 +216,7 @@ fn answers_are_the_same_bits_again_and_memory_stays_flat() {
             assert!(rows.len() <= 6 * 40);
             assert!(rows.iter().all(|row| row.frame >= open), "no row of a frame that was complete");
             open = tracker.open_frame();
-            assert!(open + 40 > k, "complete after the longest history");
+            assert!(open + 40 > u64::from(k), "complete after the longest history");
             found.extend(rows);
         }
         tracker.finish();

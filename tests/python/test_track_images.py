@@ -254,6 +254,7 @@ def test_a_film_is_whole_or_not_there(street, network, monkeypatch):
     result = run(*inputs(street, network), "-o", street / "t.csv", "--draw", film)
     assert result.exit_code == 2, "no frame can be used"
     assert film.read_bytes() == b"of before"
+    assert hidden(street) == []
     (street / "camera.json").write_text(json.dumps({**CALIBRATION, "camera_height": 1.6}))
     with monkeypatch.context() as patch:
         Counting(patch, last=9)

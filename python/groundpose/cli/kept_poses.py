@@ -26,9 +26,14 @@ class KeptPoses:
         settings: what decides the poses, see `Journal`.
         view: camera of all images.
 
+    Attributes:
+        whole: whether the tracks are, so that nothing is to be kept.
+
     Raises:
         OSError: naming the file.
     """
+
+    whole = False
 
     def __init__(self, out: Path, settings: Settings, view: View) -> None:
         """Go on with what is there, or begin."""
@@ -55,14 +60,12 @@ class KeptPoses:
         self.journal.finished(number, len(seen), 0)
 
     def close(self) -> None:
-        """Leave everything to the next run."""
+        """Leave what there is to the next run."""
         self._text.close()
-        self.journal.close()
-
-    def forget(self) -> None:
-        """The tracks are whole."""
-        self._text.close()
-        self.journal.forget()
+        if self.whole or not self.journal.items:
+            self.journal.forget()
+        else:
+            self.journal.close()
 
 
 @contextmanager
@@ -79,6 +82,9 @@ def kept_poses(out: Path | None, settings: Settings | None, view: View) -> Itera
         say(f"{out}: going on: the poses of {len(kept.journal.done)} images are there")
     try:
         yield kept
+    except BaseException:
+        kept.whole = False
+        raise
     finally:
         kept.close()
 

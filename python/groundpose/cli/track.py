@@ -150,9 +150,7 @@ def track(
         if fps is not None and not (fps > 0.0 and math.isfinite(fps)):
             raise input_error("--fps", "a number above 0", fps)
         motion = "odometry" if odometry is not None else camera_motion
-        # The poses of images have a camera of their size, which its file may not say.
-        camera_of_all = None if view.camera.image_size is None else view
-        tracker = Tracker(camera_of_all, TrackOptions(camera_motion=cast(CameraMotion, motion)))
+        tracker = _tracker(view, motion)
         moves = None if odometry is None else Odometry(odometry)
         form = _format(form, out)
         site = _site(world, lanes, view, motion)
@@ -186,9 +184,16 @@ def track(
             job.sinks.append(TrackRows(stream, form, frames, view, site.world))
             job.sinks += tables.open(stack, site, frames)
             status = job.run(given, stream)
-        if kept is not None and status != INTERRUPTED:
-            kept.forget()
+            if kept is not None:
+                kept.whole = status != INTERRUPTED
     raise typer.Exit(status)
+
+
+def _tracker(view: View, motion: str) -> Tracker:
+    """One of this camera. The poses of images have a camera of their size, which its file may not say: then
+    of the first frame's."""
+    options = TrackOptions(camera_motion=cast(CameraMotion, motion))
+    return Tracker(None if view.camera.image_size is None else view, options)
 
 
 def _site(world: Path | None, lanes: Path | None, view: View, motion: str) -> Site:
