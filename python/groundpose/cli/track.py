@@ -132,13 +132,16 @@ def track(
     and the same command then goes on with the poses of the images so far.
 
     Exit status: 0 when all went well; 1 when some frames were bad (the
-    others are done); 2 when the call was wrong and nothing was done.
+    others are done); 2 when the call was wrong and nothing was done; 130
+    when it was interrupted.
 
     [bold]Examples[/bold]
 
       groundpose track poses.jsonl --camera camera.json --fps 10 -o tracks.csv
 
       groundpose track mast.mp4 --boxes boxes.json --camera camera.json -o tracks.csv --birds-eye tracks.png
+
+      groundpose track mast.mp4 --boxes boxes.json --camera camera.json --lanes lanes.yaml --counts counts.csv
 
       groundpose estimate frames.jsonl | groundpose track - --camera camera.json --fps 10 --live
     """
