@@ -22,7 +22,9 @@ from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
 from groundpose.sizes import ClassSize, SizePrior
 from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
+from groundpose.traffic import Crossing, CrossingCounter, Flow, Lane, Line, TrafficSummary
 from groundpose.types import Camera, View
+from groundpose.world import World
 
 if TYPE_CHECKING:
     from groundpose.camera_profile import CameraProfile
@@ -55,11 +57,16 @@ __all__ = [
     "CameraProfile",
     "CameraState",
     "ClassSize",
+    "Crossing",
+    "CrossingCounter",
     "Detector",
     "EstimatedView",
+    "Flow",
     "FramePriors",
     "InputError",
     "Known",
+    "Lane",
+    "Line",
     "Network",
     "Options",
     "Pipeline",
@@ -72,8 +79,10 @@ __all__ = [
     "TrackOptions",
     "Tracker",
     "Tracks",
+    "TrafficSummary",
     "VehiclePoses",
     "View",
+    "World",
     "__version__",
     "build_info",
     "calibrate",

@@ -220,6 +220,16 @@ class View(Value):
         pixel columns `left` and `right`."""
         return self._handle.side_planes(number("left", left), number("right", right))
 
+    def ground_of(self, pixels: ArrayLike) -> FloatArray:
+        """Places (N, 2) on the ground, metres right and forward of the camera, of what the picture shows at
+        pixels (N, 2), through the lens; NaN at the horizon and above. Raises InputError without a height."""
+        if self.height is None:
+            raise input_error("height", "metres of the camera above the ground", "none")
+        rays = self.camera.directions_of(shaped("pixels", pixels, ("N", 2))) @ self.R_camera_from_ground
+        with np.errstate(divide="ignore", invalid="ignore"):
+            places = rays[:, [0, 2]] * (self.height / rays[:, 1:2])
+        return np.where(rays[:, 1:2] > 0.0, places, np.nan)
+
     def project(self, points_camera: ArrayLike) -> FloatArray:
         """Undistorted pixels (N, 2) of points (N, 3) of the camera frame; NaN behind the camera."""
         return self.camera._handle.project(shaped("points_camera", points_camera, ("N", 3)))

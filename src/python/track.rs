@@ -121,6 +121,11 @@ impl PyTracker {
     fn take_finished<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         columns(py, &self.0.take_finished())
     }
+
+    /// The frame before which no row is to come any more.
+    fn open_frame(&self) -> u64 {
+        self.0.open_frame()
+    }
 }
 
 /// Length, height, width, their standard deviations, 2D box, ambiguity, probability of the other reading, and of the answer.

@@ -202,8 +202,8 @@ fn answers_are_the_same_bits_again_and_memory_stays_flat() {
         let options = TrackOptions { longest_history: 40, ..TrackOptions::default() };
         let mut tracker = Tracker::new(options).unwrap();
         let mut random = Random::new(7);
-        let mut found = vec![];
-        for k in 0..300 {
+        let (mut found, mut open) = (vec![], 0);
+        for k in 0..300_u32 {
             let cars: Vec<Sighting> = (0..6)
                 .map(|n| {
                     let truth = Truth([6.0 * f64::from(n) - 15.0, 30.0], 0.0, 0.0, 0.0);
@@ -214,6 +214,9 @@ fn answers_are_the_same_bits_again_and_memory_stays_flat() {
             tracker.update(DT * f64::from(k), None, &cars).unwrap();
             let rows = tracker.take_finished();
             assert!(rows.len() <= 6 * 40);
+            assert!(rows.iter().all(|row| row.frame >= open), "no row of a frame that was complete");
+            open = tracker.open_frame();
+            assert!(open + 40 > u64::from(k), "complete after the longest history");
             found.extend(rows);
         }
         tracker.finish();

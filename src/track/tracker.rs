@@ -32,7 +32,9 @@ const HARDLY: f64 = 0.4;
 ///     assert!(k < 2 || now.len() == 2);
 /// }
 /// assert!(tracker.update(1.0, None, &[]).is_err(), "time runs backwards");
+/// assert_eq!(tracker.open_frame(), 0, "both are still there");
 /// tracker.finish();
+/// assert_eq!(tracker.open_frame(), 20);
 /// let rows = tracker.take_finished();
 /// assert_eq!(rows.iter().filter(|row| row.id == 1).count(), 20);
 /// assert!(rows.iter().all(|row| (row.id == 1) == (row.place[0] < 0.0)));
@@ -159,6 +161,12 @@ impl Tracker {
             }
         }
         self.now.clear();
+    }
+
+    /// The frame, from 0, before which no row is to come any more, but those that wait for
+    /// [`take_finished`](Self::take_finished).
+    pub fn open_frame(&self) -> u64 {
+        self.vehicles.iter().filter_map(Vehicle::first_frame).min().unwrap_or(self.frame)
     }
 
     /// Smoothed rows of vehicles that have left, and the older ones of those that stay long; each is handed out once.

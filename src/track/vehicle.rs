@@ -132,6 +132,11 @@ impl Vehicle {
         TrackRow { id: self.id, frame, time, class: self.class(), sighting: past.sighting, ..row }
     }
 
+    /// The oldest frame of its history.
+    pub(crate) fn first_frame(&self) -> Option<u64> {
+        self.history.front().map(|past| past.moment.frame)
+    }
+
     pub(crate) fn frames(&self) -> usize {
         self.history.len()
     }

@@ -14,7 +14,18 @@ PACKAGE = Path(groundpose.__file__).parent
 ROOMS = (
     *("_core", "_checks", "_npz", "_writing", "_value", "lens", "calibration", "options", "types"),
     *("plausibility", "shape"),
-    *("vehicles", "remarks", "poses", "sizes", "frame", "camera_state", "road", "tracking"),
+    *(
+        "vehicles",
+        "remarks",
+        "poses",
+        "sizes",
+        "frame",
+        "camera_state",
+        "road",
+        "tracking",
+        "world",
+        "traffic",
+    ),
     *("draw", "formats", "estimate", "camera_profile", "self_calibration"),
     *("keypoints", "detector", "fleet", "", "demo", "cli"),
     *(

@@ -158,7 +158,7 @@ def _of_file(
     view = choice.of_all()
     if view is None:
         raise InputError(f"{source}: expected --calib with the camera of the poses, got none")
-    read = read_poses(source, tracks, sizes)
+    read = read_poses(source, view, tracks, sizes)
     _complain(read.bad)
     return calibrate_contacts(view.camera, read.contacts, (view.pitch, view.roll), known, source.name)
 

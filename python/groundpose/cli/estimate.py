@@ -15,13 +15,13 @@ import typer
 
 from groundpose._checks import blamed, input_error, radians
 from groundpose._core import InputError
-from groundpose.camera_profile import CameraProfile
 from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.destination import FORMATS, Destination, Inputs, chosen_format
 from groundpose.cli.inputs import NetworkFile, is_image, is_table, stamps
 from groundpose.cli.journal import Settings
+from groundpose.cli.known_camera import profiled_frame, read_profile
 from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.options import takes_options
 from groundpose.cli.output import mistakes, refuse, standard_output
@@ -243,9 +243,9 @@ def estimate(
         sigma = _radians("--frame-tilt-sigma-deg", frame_tilt_sigma_deg, 360.0)
         if sigma is not None and sigma <= 0.0:
             raise input_error("frame_tilt_sigma", "a positive number of degrees", f"{frame_tilt_sigma_deg:g}")
-        told = (calib, fov_deg, pitch_deg, roll_deg, height)
-        known = None if profile is None else _profile(profile, *told)
-        frame = _frame(height, region, learn_camera) if known is None else _known_frame(known, region)
+        told = {"calib": calib, "fov_deg": fov_deg, "pitch_deg": pitch_deg, "roll_deg": roll_deg}
+        known = None if profile is None else read_profile("--profile", profile, **told, height=height)
+        frame = _frame(height, region, learn_camera) if known is None else profiled_frame(known, region)
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
         mounting = Mounting(pitch, roll, height, sigma, frame, learned, None if known is None else known.view)
         files = (boxes, detector, calib, profile, network, learn_camera)
@@ -286,20 +286,6 @@ def estimate(
             }
             status = job.frames(source, for_images)
     raise typer.Exit(status)
-
-
-def _profile(path: Path, *instead: object) -> CameraProfile:
-    """The profile of a file, which says all of the camera."""
-    if any(value is not None for value in instead):
-        options = "--calib, --fov-deg, --pitch-deg, --roll-deg and --height"
-        refuse(f"--profile: says camera, tilt and height; leave out {options}")
-    return CameraProfile.load(path)
-
-
-def _known_frame(profile: CameraProfile, region: str | None) -> FramePriors:
-    """What a profile says of each frame; the sizes of a region instead of those that it learned."""
-    priors = profile.priors()
-    return priors if region is None else replace(priors, size=SizePrior.region(region))
 
 
 def _frame(height: float | None, region: str | None, learn_camera: Path | None) -> FramePriors | None:

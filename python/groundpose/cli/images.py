@@ -79,11 +79,15 @@ class ImageWork:
 
     def __iter__(self) -> Iterator[Result | InputError | None]:
         """Images in order; a bad one gives its error and the next one goes on."""
-        for number, shot in enumerate(shots(self.path, self._pictures, self.exif, self.topic)):
+        for number, shot in enumerate(self.shots()):
             if number in self.finished:
                 yield None
             else:
-                yield shot if isinstance(shot, InputError) else self._done(shot)
+                yield shot if isinstance(shot, InputError) else self.solve(shot)
+
+    def shots(self) -> Iterator[Shot | InputError]:
+        """The images in order, before anything is found in them."""
+        return shots(self.path, self._pictures, self.exif, self.topic)
 
     @property
     def passed_over(self) -> int:
@@ -101,7 +105,7 @@ class ImageWork:
             said.append(f"{self.no_vehicle} box{'es hold' if self.no_vehicle > 1 else ' holds'} no vehicle")
         return said + self.mounting.remarks()
 
-    def _done(self, shot: Shot) -> Result | InputError:
+    def solve(self, shot: Shot) -> Result | InputError:
         """The poses of one image, or what is wrong with it."""
         path = shot.path
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,15 +10,14 @@ import numpy as np
 
 from groundpose._checks import FloatArray, input_error
 from groundpose._core import InputError
-from groundpose.formats.fields import Field, parse
-from groundpose.formats.frames import BUNDLED, Frame, FrameSource
+from groundpose.formats.frames import Frame, FrameSource
+from groundpose.formats.pose_lines import PoseLines
 from groundpose.self_calibration.contacts import Contacts
 from groundpose.self_calibration.linking import linked
 from groundpose.self_calibration.sightings import Sightings
 from groundpose.shape import ShapeModel
 from groundpose.sizes import SizePrior
 from groundpose.types import Camera, View
-from groundpose.vehicles import CLASSES, shape_model
 
 _OK = "ok"
 
@@ -105,38 +103,31 @@ class PosesRead:
     bad: list[InputError]
 
 
-def read_poses(path: Path, numbered: bool | None, sizes: SizePrior) -> PosesRead:
-    """Of a file of poses whose models are classes of vehicles. Raises OSError, InputError."""
+def read_poses(path: Path, view: View, numbered: bool | None, sizes: SizePrior) -> PosesRead:
+    """Of a file of poses whose models are classes of vehicles; `view`: of their camera. Raises OSError,
+    InputError."""
     rows: list[tuple[int, str | int, ShapeModel, FloatArray, FloatArray, FloatArray]] = []
     bad: list[InputError] = []
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="surrogateescape").splitlines(), 1):
-        if not line.strip():
-            continue
-        try:
-            items = parse(line, f"{path}:{number}").need("objects").items()
-            rows += [(number, *row) for item in items if (row := _pose(item)) is not None]
-        except InputError as error:
-            bad.append(error)
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
+        for number, found in enumerate(PoseLines(lines, str(path), view)):
+            if isinstance(found, InputError):
+                bad.append(found)
+            else:
+                seen = found.seen
+                known = np.isfinite(seen.t).all(axis=1) & np.isfinite(seen.covariance).all(axis=(1, 2))
+                rows += [
+                    (number, found.labels[k], found.models[k], seen.R[k], seen.t[k], seen.covariance[k])
+                    for k in np.flatnonzero(known)
+                    if found.statuses[k] == _OK
+                ]
     if not rows:
         raise input_error(str(path), "poses with status ok and a covariance", "none")
     frames, ids, models, R, t, covariance = zip(*rows, strict=True)
     # Without numbers that go on every sighting is a vehicle: poses have no boxes to link.
-    known = linked(frames, ids, np.zeros((len(rows), 4)), numbered)
+    linked_by = linked(frames, ids, np.zeros((len(rows), 4)), numbered)
     sized = [sizes.sized(model) for model in models]
-    return PosesRead(Contacts.of(np.stack(R), np.stack(t), np.stack(covariance), sized, known, sizes), bad)
-
-
-def _pose(item: Field) -> tuple[str | int, ShapeModel, FloatArray, FloatArray, FloatArray] | None:
-    if item.need("status").text() != _OK or item.get("covariance") is None:
-        return None
-    name = item.need("model").text().removeprefix(BUNDLED)
-    if name not in CLASSES:
-        item.need("model").fail(f"a class of vehicles: {', '.join(CLASSES)}", repr(name))
-    R, covariance = np.array(item.need("R").rows(3)), np.array(item.need("covariance").rows(6))
-    t = np.array(item.need("t").numbers(3))
-    if R.shape != (3, 3) or covariance.shape != (6, 6) or not math.isfinite(float(covariance.sum())):
-        item.fail("R of 3 rows, a covariance of 6")
-    return item.need("id").label(), shape_model(name), R, t, covariance
+    contacts = Contacts.of(np.stack(R), np.stack(t), np.stack(covariance), sized, linked_by, sizes)
+    return PosesRead(contacts, bad)
 
 
 def of_results(results: Iterator[object], numbered: bool | None) -> Seen:

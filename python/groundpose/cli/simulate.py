@@ -180,13 +180,13 @@ def read_size(text: str | None) -> tuple[int, int] | None:
 
 def _run(frames: int, out: Path, settings: dict[str, object], jobs: int) -> None:
     """Write the drive with a progress bar on a terminal, then report in one line."""
-    from groundpose.lab.drive.video.film import check_film
+    from groundpose.draw.film import check_film
     from groundpose.lab.drive.workers import Settings
     from groundpose.lab.drive.write import write_drive
 
     made = Settings(**settings)  # type: ignore[arg-type]
     if made.images == "mp4":
-        check_film()
+        check_film("--format")
     if out.exists() and not out.is_dir():
         refuse(f"--out {out}: is a file; give a folder")
     done = 0

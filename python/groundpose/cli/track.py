@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, Annotated, cast
+from typing import Annotated, cast
 
 import typer
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from groundpose._checks import blamed, input_error
+from groundpose._checks import input_error
 from groundpose._core import InputError
-from groundpose._writing import whole_file
+from groundpose._writing import only_writer, replaceable, whole_file
+from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.inputs import NetworkFile, is_image
-from groundpose.cli.output import complain, console, mistakes, refuse, say, standard_output
+from groundpose.cli.kept_poses import KeptPoses, kept_poses
+from groundpose.cli.known_camera import KnownCamera
+from groundpose.cli.output import mistakes, refuse, standard_output
 from groundpose.cli.track_input import Followed, Odometry, of_images, of_lines, pose_lines
-from groundpose.formats.calibrations import read_calibration
+from groundpose.cli.track_job import INTERRUPTED, TrackJob
+from groundpose.cli.track_output import OpenFrames, TrackRows
+from groundpose.cli.track_traffic import Tables
+from groundpose.draw.road_marks import RoadMarks
+from groundpose.draw.track_map import TrackMap
+from groundpose.draw.tracks import TrackPictures
+from groundpose.formats.rerun_tracks import TrackLog
+from groundpose.formats.site import Site, read_site
 from groundpose.formats.tracks import ENDINGS, FORMATS
-from groundpose.tracking import Tracker, TrackOptions, Tracks
+from groundpose.tracking import Tracker, TrackOptions
 from groundpose.tracking.options import CameraMotion
 from groundpose.types import View
-
-_TAKE = 256
-"""Frames after which finished rows are written."""
-_NAMED = 5
-"""Errors that are shown each; the others are counted."""
 
 
 def track(
@@ -72,14 +75,47 @@ def track(
     ] = None,
     network: NetworkFile = None,
     height: Annotated[
-        float | None, typer.Option(help="Height of the camera, instead of the file's.", metavar="METRES")
+        float | None,
+        typer.Option(help="Height of the camera, of a file that is no profile.", metavar="METRES"),
+    ] = None,
+    world: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the camera stands (.yaml, .json): rows also have places and headings on the map.",
+            metavar="FILE",
+        ),
+    ] = None,
+    lanes: Annotated[
+        Path | None,
+        typer.Option(
+            help="Lines and lanes on the road (.yaml, .json), if they are not in the file of --world.",
+            metavar="FILE",
+        ),
+    ] = None,
+    counts: Annotated[
+        Path | None,
+        typer.Option(help="Table of who crosses lines and lanes, when and how fast (.csv).", metavar="FILE"),
+    ] = None,
+    summary: Annotated[
+        Path | None,
+        typer.Option(help="Table of counts, speeds and headways per line and lane (.csv).", metavar="FILE"),
+    ] = None,
+    every: Annotated[
+        float | None,
+        typer.Option(help="Intervals of --summary.", metavar="SECONDS", show_default="all in one"),
     ] = None,
     draw: Annotated[
         Path | None,
-        typer.Option(help="Pictures with trails and speeds; put {id} into the name.", metavar="FILE"),
+        typer.Option(
+            help="Trails and speeds as a film (.mp4) or pictures with {id} in the name.", metavar="FILE"
+        ),
     ] = None,
     birds_eye: Annotated[
         Path | None, typer.Option(help="Picture of all tracks from above (.png, .svg, .pdf).", metavar="FILE")
+    ] = None,
+    rerun: Annotated[
+        Path | None,
+        typer.Option(help="Timeline for the Rerun viewer (.rrd): boxes, trails, speeds.", metavar="FILE"),
     ] = None,
     live: Annotated[
         bool,
@@ -92,10 +128,12 @@ def track(
 
     Rows are smoothed by later frames and come when a vehicle has left; with
     --live every frame's come at once. Frames that cannot be used are named
-    and left out; what was found so far is written when it is interrupted.
+    and left out; what was found so far is written when it is interrupted,
+    and the same command then goes on with the poses of the images so far.
 
     Exit status: 0 when all went well; 1 when some frames were bad (the
-    others are done); 2 when the call was wrong and nothing was done.
+    others are done); 2 when the call was wrong and nothing was done; 130
+    when it was interrupted.
 
     [bold]Examples[/bold]
 
@@ -103,23 +141,84 @@ def track(
 
       groundpose track mast.mp4 --boxes boxes.json --camera camera.json -o tracks.csv --birds-eye tracks.png
 
+      groundpose track mast.mp4 --boxes boxes.json --camera camera.json --lanes lanes.yaml --counts counts.csv
+
       groundpose estimate frames.jsonl | groundpose track - --camera camera.json --fps 10 --live
     """
+    deciding = {"source": source, "camera": camera, "boxes": boxes, "detector": detector, "network": network}
+    settings = asked({**deciding, "height": height, "out": out})
     with mistakes():
-        view = read_calibration(camera)
-        if height is not None:
-            view = View(view.camera, view.pitch, view.roll, height)
+        known = KnownCamera.read(camera, height)
+        view = known.view
         if fps is not None and not (fps > 0.0 and math.isfinite(fps)):
             raise input_error("--fps", "a number above 0", fps)
         motion = "odometry" if odometry is not None else camera_motion
-        tracker = Tracker(view, TrackOptions(camera_motion=cast(CameraMotion, motion)))
+        tracker = _tracker(view, motion)
         moves = None if odometry is None else Odometry(odometry)
-        _spare((source, camera, boxes, odometry), (out, birds_eye))
-        job = _Job(tracker, fps, moves, _format(form, out), live, view)
-        job.pictures(draw, birds_eye)
-        with _frames(source, view, camera, BoxChoice(boxes, detector, None), network, height) as frames:
-            status = job.run(frames, out)
+        form = _format(form, out)
+        site = _site(world, lanes, view, motion)
+        if world is not None and form == "kitti":
+            raise input_error("--world", "csv or jsonl, which have places on a map", form)
+        tables = Tables(counts, summary, every)
+        tables.check(site)
+        _spare(
+            (source, camera, boxes, odometry, world, lanes), (out, birds_eye, counts, summary, draw, rerun)
+        )
+        frames = OpenFrames()
+        job = TrackJob(tracker, [], frames, fps, moves, live)
+        job.pictures = None if draw is None else TrackPictures(draw, _marks(site, motion != "odometry"))
+        log = None if rerun is None else TrackLog(rerun, view, site.lines, site.lanes)
+        if birds_eye is not None:
+            job.sinks.append(TrackMap(birds_eye, _marks(site)))
+        file = out if out is not None and replaceable(out) else None
+        with ExitStack() as stack:
+            if file is not None:
+                stack.enter_context(only_writer(file))
+            choice, kept = BoxChoice(boxes, detector, None), None
+            if is_followed_images(source, choice):
+                kept = stack.enter_context(kept_poses(file, settings, view))
+            job.goes_on = kept is not None
+            given = stack.enter_context(track_frames(source, known, camera, choice, network, kept))
+            stream = standard_output() if out is None else stack.enter_context(whole_file(out))
+            if log is not None:
+                job.sinks.append(stack.enter_context(log))
+            if job.pictures is not None:
+                stack.enter_context(job.pictures)
+            job.sinks.append(TrackRows(stream, form, frames, view, site.world))
+            job.sinks += tables.open(stack, site, frames)
+            status = job.run(given, stream)
+            if kept is not None:
+                kept.whole = status != INTERRUPTED
     raise typer.Exit(status)
+
+
+def _tracker(view: View, motion: str) -> Tracker:
+    """One of this camera. The poses of images have a camera of their size, which its file may not say: then
+    of the first frame's."""
+    options = TrackOptions(camera_motion=cast(CameraMotion, motion))
+    return Tracker(None if view.camera.image_size is None else view, options)
+
+
+def _site(world: Path | None, lanes: Path | None, view: View, motion: str) -> Site:
+    """Where the camera stands and what is drawn on the road. Raises OSError, InputError."""
+    if motion == "unknown" and (world or lanes) is not None:
+        option = "--lanes" if world is None else "--world"
+        raise input_error(option, "a camera that stands or has --odometry", "--camera-motion unknown")
+    shown = view if motion == "static" else None
+    site = Site() if world is None else read_site(world, shown)
+    if world is not None and site.world is None:
+        raise input_error(str(world), "map or geographic", "none of them")
+    if lanes is None:
+        return site
+    drawn = read_site(lanes, shown, site.world)
+    if not drawn.lines and not drawn.lanes:
+        raise input_error(str(lanes), "lines or lanes", "none of them")
+    return replace(site, lines=drawn.lines, lanes=drawn.lanes)
+
+
+def _marks(site: Site, shown: bool = True) -> RoadMarks | None:
+    """What is drawn of them; over pictures of a camera that moves they are not shown."""
+    return RoadMarks(site.lines, site.lanes) if shown and (site.lines or site.lanes) else None
 
 
 def _format(form: str, out: Path | None) -> str:
@@ -132,141 +231,39 @@ def _format(form: str, out: Path | None) -> str:
 
 
 def _spare(inputs: tuple[Path | None, ...], outputs: tuple[Path | None, ...]) -> None:
-    """Refuse to write onto an input."""
-    for path in outputs:
-        for given in inputs:
-            if (
-                path is not None
-                and given is not None
-                and path.exists()
-                and given.exists()
-                and path.samefile(given)
-            ):
-                refuse(f"{path}: is an input; give another name")
+    """Refuse to write onto an input, or two outputs into one file."""
+    written: set[Path] = set()
+    for path in (path for path in outputs if path is not None):
+        if path.exists() and any(given and given.exists() and path.samefile(given) for given in inputs):
+            refuse(f"{path}: is an input; give another name")
+        if path.resolve() in written and replaceable(path):
+            refuse(f"{path}: is given for two outputs; give another name")
+        written.add(path.resolve())
 
 
 @contextmanager
-def _frames(
-    source: Path, view: View, camera: Path, found_by: BoxChoice, network: Path | None, height: float | None
+def track_frames(
+    source: Path,
+    known: KnownCamera,
+    camera: Path,
+    found_by: BoxChoice,
+    network: Path | None,
+    kept: KeptPoses | None = None,
 ) -> Iterator[Iterator[Followed | InputError]]:
-    if found_by.boxes is None and found_by.detector is None and not is_image(source):
-        with pose_lines(source, view) as lines:
+    """What is followed: lines of poses, or images whose poses are found as `estimate` finds them."""
+    if not is_followed_images(source, found_by):
+        with pose_lines(source, known.view) as lines:
             yield of_lines(lines, source.parent)
         return
     from groundpose.cli.images import ImageWork
-    from groundpose.cli.run import Mounting
-    from groundpose.frame import FramePriors
     from groundpose.keypoints.pipeline import Pipeline
 
     found_by.check(source)
-    frame = None if view.height is None else FramePriors()
-    mounting = Mounting(view.pitch, view.roll, height, None, frame)
-    yield of_images(ImageWork(source, found_by, CameraChoice(camera), mounting, -math.inf, Pipeline(network)))
+    choice = CameraChoice(camera)
+    work = ImageWork(source, found_by, choice, known.mounting, -math.inf, Pipeline(network))
+    yield of_images(work, kept)
 
 
-@dataclass
-class _Job:
-    """Frames in, rows out."""
-
-    tracker: Tracker
-    fps: float | None
-    odometry: Odometry | None
-    form: str
-    live: bool
-    view: View
-    names: dict[int, str | int] = field(default_factory=dict)
-    bboxes: dict[tuple[int, int], tuple[float, ...]] = field(default_factory=dict)
-    bad: list[InputError] = field(default_factory=list)
-    left_out: int = 0
-    rows: int = 0
-
-    def pictures(self, draw: Path | None, birds_eye: Path | None) -> None:
-        """What is drawn beside the rows."""
-        from groundpose.draw.tracks import TrackMap, TrackPictures
-
-        self.drawn = None if draw is None else TrackPictures(draw)
-        self.map = None if birds_eye is None else TrackMap(birds_eye)
-
-    def run(self, frames: Iterator[Followed | InputError], out: Path | None) -> int:
-        """Follow, write, draw; the exit status."""
-        status = 0
-        with ExitStack() as stack:
-            stream = standard_output() if out is None else stack.enter_context(whole_file(out))
-            try:
-                self._follow(frames, stream)
-            except KeyboardInterrupt:
-                complain(f"interrupted; frames followed: {self.tracker.frames}")
-                status = 130
-            if not self.live:
-                self._write(self.tracker.finish(), stream)
-            if not self.rows and self.form == "csv":
-                stream.write(FORMATS["csv"](self.tracker.take()))
-            if not self.tracker.frames and self.bad:
-                raise self.bad[0]
-        if self.map is not None:
-            self.map.save()
-        return status or self._report()
-
-    def _follow(self, frames: Iterator[Followed | InputError], stream: IO[str]) -> None:
-        with _progress(stream) as progress:
-            task = progress.add_task("frames", total=None)
-            for number, frame in enumerate(frames):
-                try:
-                    if isinstance(frame, InputError):
-                        raise frame
-                    now = self._next(number, frame)
-                    if self.live:
-                        self._write(now, stream)
-                    if self.drawn is not None:
-                        self.drawn.add(frame.id, frame.pixels(), frame.seen, now)
-                except InputError as error:
-                    self._complain(error)
-                if not self.live and self.tracker.frames % _TAKE == 0:
-                    self._write(self.tracker.take(), stream)
-                elif self.live:
-                    self.tracker.take()
-                progress.advance(task)
-
-    def _next(self, number: int, frame: Followed) -> Tracks:
-        with blamed(frame.place):
-            if frame.time is None and self.fps is None:
-                raise input_error("--fps", "frames a second, for input without times", "none")
-            time = number / self.fps if self.fps is not None else frame.time
-            moved = None if self.odometry is None else self.odometry.moved(number)
-            now = self.tracker.update(frame.seen, cast(float, time), moved)
-        k = self.tracker.frames - 1
-        self.names[k] = frame.id
-        if self.form == "kitti":
-            self.bboxes.update({(k, i): tuple(box) for i, box in enumerate(frame.seen.bboxes.tolist())})
-        return now
-
-    def _write(self, tracks: Tracks, stream: IO[str]) -> None:
-        if self.map is not None:
-            self.map.add(tracks)
-        more = {"bboxes": self.bboxes, "view": self.view} if self.form == "kitti" else {}
-        text = FORMATS[self.form](tracks, self.names, not self.rows, **more) if len(tracks) else ""
-        self.rows += len(tracks)
-        stream.write(text)
-        stream.flush()
-
-    def _complain(self, error: InputError) -> None:
-        """Errors of an endless stream must not fill the memory."""
-        if len(self.bad) < _NAMED:
-            self.bad.append(error)
-            complain(error)
-        else:
-            self.left_out += 1
-
-    def _report(self) -> int:
-        for reason, count in self.tracker.skipped.most_common():
-            say(f"left out: {count} x {reason}")
-        if self.left_out:
-            complain(f"and {self.left_out} more frames left out")
-        return 1 if self.bad else 0
-
-
-def _progress(stream: IO[str]) -> Progress:
-    err = console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.completed} frames"), TimeElapsedColumn())
-    shown = err.is_terminal and not (stream is sys.stdout and stream.isatty())
-    return Progress(*columns, console=err, disable=not shown, transient=True)
+def is_followed_images(source: Path, found_by: BoxChoice) -> bool:
+    """Whether the input is images, else lines of poses."""
+    return found_by.boxes is not None or found_by.detector is not None or is_image(source)

@@ -14,9 +14,10 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from groundpose._checks import input_error
+from groundpose._checks import blamed, input_error
 from groundpose._core import InputError
 from groundpose.cli.images import ImageWork
+from groundpose.cli.kept_poses import KeptPoses
 from groundpose.cli.output import refuse
 from groundpose.formats.pose_lines import PoseLines
 from groundpose.tracking import SeenVehicles
@@ -27,21 +28,24 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A frame: file and line or picture, its id, its time in seconds or None, its vehicles, its picture."""
+    """A frame: file and line or picture, its id, its time in seconds or None, its vehicles, its picture and
+    the file of that, if it has one of its own."""
 
     place: str
     id: str | int
     time: float | None
     seen: SeenVehicles
-    image: Image | Path | None = None
+    image: Image | None = None
+    path: Path | None = None
 
     def pixels(self) -> Image | None:
-        """Its picture (H, W, 3), read if it is a file. Raises OSError, InputError."""
-        if not isinstance(self.image, Path):
+        """Its picture (H, W, 3), read if it is not at hand. Raises InputError."""
+        if self.image is not None or self.path is None:
             return self.image
         from groundpose.keypoints.image import as_rgb  # with Pillow
 
-        return as_rgb(self.image)
+        with blamed(self.place):
+            return as_rgb(self.path)
 
 
 def of_lines(lines: PoseLines, folder: Path) -> Iterator[Followed | InputError]:
@@ -51,17 +55,26 @@ def of_lines(lines: PoseLines, folder: Path) -> Iterator[Followed | InputError]:
             yield frame
         else:
             picture = folder / frame.image if frame.image else None
-            yield Followed(frame.place, frame.id, frame.time, frame.seen, picture)
+            yield Followed(frame.place, frame.id, frame.time, frame.seen, path=picture)
 
 
-def of_images(work: ImageWork) -> Iterator[Followed | InputError]:
-    """Frames whose poses are found now."""
-    for result in work:
-        if isinstance(result, InputError):
-            yield result
-        elif result is not None:
-            frame, seen = result.frame, SeenVehicles.of(result.poses)
-            yield Followed(f"{work.name}: {frame.id}", frame.id, frame.time, seen, result.image)
+def of_images(work: ImageWork, kept: KeptPoses | None) -> Iterator[Followed | InputError]:
+    """Frames whose poses are found now, but those that are kept of an interrupted run."""
+    for number, shot in enumerate(work.shots()):
+        if isinstance(shot, InputError):
+            yield shot
+            continue
+        seen = None if kept is None else kept.get(number)
+        image, path = shot.image, shot.path if shot.image is None else None
+        if seen is None:
+            result = work.solve(shot)
+            if isinstance(result, InputError):
+                yield result
+                continue
+            seen, image = SeenVehicles.of(result.poses), result.image
+            if kept is not None:
+                kept.add(number, seen)
+        yield Followed(f"{work.name}: {shot.label}", shot.label, shot.time, seen, image, path)
 
 
 @contextmanager

@@ -1,8 +1,9 @@
-"""Pictures of tracks: boxes with trails and speeds over the image, all tracks seen from above."""
+"""Pictures of tracks: boxes with trails and speeds over the image, one by one or as a film."""
 
 from __future__ import annotations
 
 from collections import deque
+from contextlib import ExitStack
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error
 from groundpose._writing import whole_path
-from groundpose.draw.colours import GRID, PAPER
-from groundpose.draw.save import save_figure
+from groundpose.draw.film import Film, check_film
+from groundpose.draw.road_marks import RoadMarks
 from groundpose.tracking import SeenVehicles, Tracks
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C564B", "#555555")
@@ -43,19 +44,66 @@ def corners(place: FloatArray, down: float, heading: float, size: FloatArray) ->
 
 
 class TrackPictures:
-    """One picture per frame: boxes, trails of the last seconds, numbers and speeds."""
+    """Every frame drawn: boxes, trails of the last seconds, numbers and speeds; as pictures or as a film.
 
-    def __init__(self, path: str | PathLike[str]) -> None:
-        """`path` has `{id}` in its name. Raises InputError."""
-        self.path = Path(path)
-        if "{id}" not in self.path.name:
-            raise input_error("--draw", "a name with {id}, as tracks_{id}.jpg", self.path.name)
-        if self.path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
-            raise input_error("--draw", "a name that ends in .png or .jpg", self.path.name)
+    A film is whole when the `with` block ends, and not there when that ends with an error.
+    """
+
+    def __init__(self, path: str | PathLike[str], marks: RoadMarks | None = None) -> None:
+        """`path`: an mp4, or a picture with `{id}` in its name; `marks` are drawn below the vehicles. Raises
+        InputError."""
+        self.path, self._marks = Path(path), marks
+        self._is_film = self.path.suffix.lower() == ".mp4"
+        if self._is_film:
+            check_film("--draw")
+        elif self.path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+            raise input_error("--draw", "a name that ends in .png, .jpg or .mp4", self.path.name)
+        elif "{id}" not in self.path.name:
+            raise input_error("--draw", "a name with {id}, as tracks_{id}.jpg, or an mp4", self.path.name)
         self._trails: dict[int, deque[FloatArray]] = {}
+        self._place = ExitStack()
+        self._film: Film | None = None
 
-    def add(self, label: str | int, image: NDArray[np.uint8] | None, seen: SeenVehicles, now: Tracks) -> None:
-        """Draw a frame over its image (H, W, 3), or over white. Raises OSError."""
+    def __enter__(self) -> TrackPictures:
+        """Begin the film."""
+        if self._is_film:
+            part = self._place.enter_context(whole_path(self.path))
+            self._film = Film(part)
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        """Complete the film."""
+        if self._film is not None:
+            self._film.close()
+        self._place.__exit__(*error)
+
+    def add(
+        self,
+        label: str | int,
+        time: float,
+        image: NDArray[np.uint8] | None,
+        seen: SeenVehicles,
+        now: Tracks,
+        source: Path | None = None,
+    ) -> None:
+        """Draw a frame over its image (H, W, 3), or over white.
+
+        Raises OSError; InputError for the name of the image itself, its file `source`, and for an image of
+        another size than the film's.
+        """
+        picture = self._drawn(image, seen, now)
+        if self._film is not None:
+            self._film.add(np.asarray(picture), time)
+            return
+        name = f"{label:06d}" if isinstance(label, int) else str(label).replace("/", "_")
+        target = self.path.with_name(self.path.name.replace("{id}", name))
+        if source is not None and target.exists() and source.exists() and target.samefile(source):
+            raise input_error("--draw", "a name that is not the image's", target)
+        target.parent.mkdir(exist_ok=True)
+        with whole_path(target) as part:
+            picture.save(part, format="PNG" if target.suffix.lower() == ".png" else "JPEG", quality=90)
+
+    def _drawn(self, image: NDArray[np.uint8] | None, seen: SeenVehicles, now: Tracks) -> Any:
         from PIL import Image, ImageDraw
 
         size = seen.view.camera.image_size or (round(2 * seen.view.camera.cx), round(2 * seen.view.camera.cy))
@@ -64,17 +112,17 @@ class TrackPictures:
         pen = ImageDraw.Draw(picture)
         downs = _downs(seen)
         usual = float(np.nanmedian(downs)) if np.isfinite(downs).any() else (seen.view.height or 1.5)
+        if self._marks is not None:
+            if len(now):
+                self._marks.count(now, int(now.frame.max()) + 1)
+            self._marks.paint(pen, seen.view, seen.view.height or usual)
         for k in range(len(now)):
             index = int(now.index[k])
             self._vehicle(pen, seen, now[k : k + 1], float(downs[index]) if index >= 0 else usual)
         gone = set(self._trails) - set(now.id.tolist())
         for number in gone:
             del self._trails[number]
-        name = f"{label:06d}" if isinstance(label, int) else str(label).replace("/", "_")
-        target = self.path.with_name(self.path.name.replace("{id}", name))
-        target.parent.mkdir(exist_ok=True)
-        with whole_path(target) as part:
-            picture.save(part, format="PNG" if target.suffix.lower() == ".png" else "JPEG", quality=90)
+        return picture
 
     def _vehicle(self, pen: Any, seen: SeenVehicles, row: Tracks, down: float) -> None:
         view, number = seen.view, int(row.id[0])
@@ -86,7 +134,7 @@ class TrackPictures:
             for a, b in _EDGES:
                 pen.line([*points[a], *points[b]], fill=colour, width=4 if (a, b) == (0, 1) else 2)
             left, top = points[:, 0].min(), points[:, 1].min()
-            said = "stands" if row.standing[0] else f"{_KMH * row.speed[0]:.0f} km/h"
+            said = "stands" if row.standing[0] else f"{round(_KMH * row.speed[0])} km/h"
             pen.text((left, top - 12), f"{number} {said}", fill=colour)
         trail = self._trails.setdefault(number, deque(maxlen=_TRAIL))
         trail.append(np.array([x, down, z]))
@@ -108,45 +156,3 @@ def _downs(seen: SeenVehicles) -> FloatArray:
     """(N,) metres from the camera down to the bottoms of the vehicles."""
     middles = (seen.R @ seen.bottom_centres[..., None])[..., 0] + seen.t
     return np.asarray(middles @ seen.view.R_camera_from_ground[:, 1])
-
-
-class TrackMap:
-    """All tracks from above, with speeds."""
-
-    def __init__(self, path: str | PathLike[str]) -> None:
-        """Raises InputError for a name that is none of a picture."""
-        from groundpose.draw.picture import check_path
-
-        check_path(path)
-        self.path = path
-        self._lines: dict[int, list[FloatArray]] = {}
-
-    def add(self, tracks: Tracks) -> None:
-        """More rows."""
-        for vehicle in tracks.vehicles():
-            columns = [vehicle.place, _KMH * vehicle.speed[:, None]]
-            self._lines.setdefault(int(vehicle.id[0]), []).append(np.concatenate(columns, axis=1))
-
-    def save(self) -> None:
-        """Draw it."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(8, 8), facecolor=PAPER)
-        axes = figure.add_subplot()
-        for number, parts in self._lines.items():
-            line = np.concatenate(parts)
-            axes.plot(
-                *(line[:, 0], line[:, 1]),
-                color=colour_of(number),
-                linewidth=1.4,
-                marker="o",
-                markevery=[len(line) - 1],
-                markersize=3,
-            )
-            end, speed = line[-1], float(np.median(line[:, 2]))
-            axes.annotate(f"{number}: {speed:.0f}", end[:2], fontsize=7, color=colour_of(number))
-        axes.plot(0.0, 0.0, marker="^", color="#000000", markersize=9)
-        axes.set(xlabel="metres to the right", ylabel="metres forward", aspect="equal")
-        axes.grid(color=GRID)
-        axes.set_title("Tracks: number, median speed in km/h", fontsize=11)
-        save_figure(figure, self.path, 120)

@@ -11,10 +11,14 @@ import numpy as np
 from groundpose._checks import FloatArray
 from groundpose._core import InputError
 from groundpose.formats.fields import Field, parse
+from groundpose.formats.frames import BUNDLED
 from groundpose.shape import ShapeModel
 from groundpose.tracking.seen import SeenVehicles
 from groundpose.types import View
 from groundpose.vehicles import CLASSES, shape_model
+
+_SAME = 0.05
+"""Fraction of a focal length that a calibration may put right."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +31,8 @@ class PosesOfFrame:
         time: seconds; None: the line has none.
         image: path of its picture as written; "" for none.
         labels: of its objects.
+        statuses: of its objects, "ok" where a line does not say.
+        models: of its objects.
         seen: its vehicles.
     """
 
@@ -35,6 +41,8 @@ class PosesOfFrame:
     time: float | None
     image: str
     labels: list[str | int]
+    statuses: list[str]
+    models: list[ShapeModel]
     seen: SeenVehicles
 
 
@@ -68,8 +76,9 @@ class PoseLines:
     def _frame(self, root: Field, number: int) -> PosesOfFrame:
         label, time, image = (root.get(key) for key in ("id", "time", "image"))
         items = root.need("objects").items()
+        self._refuse_another(root.get("camera"))
         angles = {key: found.number() for key in ("pitch_deg", "roll_deg") if (found := root.get(key))}
-        view = self.view
+        view, models = self.view, [self._model(item) for item in items]
         with root.blamed():
             if angles:
                 pitch, roll = (
@@ -83,11 +92,25 @@ class PoseLines:
             time=None if time is None else time.number(),
             image="" if image is None else image.text(),
             labels=[k if (own := item.get("id")) is None else own.label() for k, item in enumerate(items)],
-            seen=self._seen(items, view),
+            statuses=["ok" if (own := item.get("status")) is None else own.text() for item in items],
+            models=models,
+            seen=self._seen(items, models, view),
         )
 
-    def _seen(self, items: list[Field], view: View) -> SeenVehicles:
-        rows = [_Row.of(item, self._model(item), view) for item in items]
+    def _refuse_another(self, camera: Field | None) -> None:
+        """Poses of a camera that is clearly not ours."""
+        if camera is None:
+            return
+        ours, size = self.view.camera, camera.get("image_size")
+        if size is not None and ours.image_size is not None and size.numbers(2) != list(ours.image_size):
+            size.fail(f"that of the camera that is given, {ours.image_size}")
+        for name, focal in (("fx", ours.fx), ("fy", ours.fy)):
+            found = camera.get(name)
+            if found is not None and abs(found.number() / focal - 1.0) > _SAME:
+                found.fail(f"that of the camera that is given, {focal:g} within {100 * _SAME:g} %")
+
+    def _seen(self, items: list[Field], models: list[ShapeModel], view: View) -> SeenVehicles:
+        rows = [_Row.of(item, model, view) for item, model in zip(items, models, strict=True)]
 
         def stack(name: str, *shape: int) -> FloatArray:
             return np.array([getattr(row, name) for row in rows], dtype=float).reshape(-1, *shape)
@@ -113,7 +136,7 @@ class PoseLines:
         )
 
     def _model(self, item: Field) -> ShapeModel:
-        name = item.need("model").text()
+        name = item.need("model").text().removeprefix(BUNDLED)
         if name not in self.classes:
             if name not in CLASSES:
                 item.need("model").fail(f"one of {', '.join(CLASSES)}", name)

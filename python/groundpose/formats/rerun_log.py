@@ -118,7 +118,7 @@ class RerunLog:
                 array=poses.bboxes[boxed],
                 array_format=rr.Box2DFormat.XYXY,
                 labels=[word for word, known in zip(said, boxed, strict=True) if known],
-                colors=_rgb(BOX),
+                colors=rgb(BOX),
                 show_labels=False,
             ),
         )
@@ -133,7 +133,7 @@ class RerunLog:
             ("outliers", poses.keypoints_2d[given & ~poses.inlier_mask], OUTLIER, 2.0),
             ("not_seen", np.concatenate([np.empty((0, 2)), *hidden]), MISSING, 1.2),
         ):
-            dots = rr.Points2D(points[np.isfinite(points).all(axis=1)], colors=_rgb(colour), radii=-radius)
+            dots = rr.Points2D(points[np.isfinite(points).all(axis=1)], colors=rgb(colour), radii=-radius)
             self._stream.log(f"{_IMAGE}/keypoints/{name}", dots)
 
     def _log_objects(self, poses: PoseBatch, words: list[str]) -> None:
@@ -145,14 +145,14 @@ class RerunLog:
         )
         shapes = [poses[k].keypoints_3d @ poses.R[k].T + poses.t[k] for k in rows]
         points = np.concatenate([np.empty((0, 3)), *shapes])
-        self._stream.log(f"{_OBJECTS}/shape", rr.Points3D(points, colors=_rgb(POSE_LIGHT), radii=0.05))
+        self._stream.log(f"{_OBJECTS}/shape", rr.Points3D(points, colors=rgb(POSE_LIGHT), radii=0.05))
         lines = [
             shape[[a, b]]
             for k, shape in zip(rows, shapes, strict=True)
             for a, b in skeleton_of(poses.models[k].name, poses.models[k].keypoint_names)
         ]
         self._stream.log(
-            f"{_OBJECTS}/shape_lines", rr.LineStrips3D(lines, colors=_rgb(POSE_LIGHT), radii=0.02)
+            f"{_OBJECTS}/shape_lines", rr.LineStrips3D(lines, colors=rgb(POSE_LIGHT), radii=0.02)
         )
 
     def _log_boxes(
@@ -172,7 +172,7 @@ class RerunLog:
             half_sizes=np.reshape(sizes, (-1, 3)) / 2.0,
             quaternions=[rr.Quaternion(xyzw=q) for q in turns],
             labels=[words[k] for k in rows],
-            colors=_rgb(colour),
+            colors=rgb(colour),
             show_labels=False,
         )
         self._stream.log(f"{_OBJECTS}/{name}", boxes)
@@ -190,5 +190,6 @@ class RerunLog:
         )
 
 
-def _rgb(colour: str) -> list[int]:
+def rgb(colour: str) -> list[int]:
+    """Of `#RRGGBB`, 0 to 255."""
     return [int(colour[k : k + 2], 16) for k in (1, 3, 5)]

@@ -2,7 +2,7 @@
 
 The plane is that of the first frame, metres right (`x`) and forward (`z`) of the camera as it stood then;
 angles in degrees from forward to the right. `right` and `ahead` are the same of the camera now. `_sigma` is a
-standard deviation.
+standard deviation. With a `World` there follow the columns of `World.columns`.
 """
 
 from __future__ import annotations
@@ -11,15 +11,19 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from groundpose._checks import FloatArray
 from groundpose.formats.kitti.labels import TYPE_OF
 from groundpose.tracking.tracks import Tracks
 from groundpose.types import View
+from groundpose.world import World
 
+Names = Mapping[int, str | int]
+"""Of frames, by their number."""
 COLUMNS = (
     *(
         "id",
@@ -40,11 +44,21 @@ COLUMNS = (
 )
 """Of the table, in order; `object`: which object of the frame it was, empty when it was not seen."""
 _KMH = 3.6
+_DIGITS = {"latitude": 9, "longitude": 9}
+"""After the point; of the others 6."""
 
 
-def rows(tracks: Tracks, frames: Mapping[int, str | int] | None = None) -> Iterator[dict[str, Any]]:
+def columns(world: World | None = None) -> tuple[str, ...]:
+    """Of the table, in order; `world` adds its own."""
+    if world is None:
+        return COLUMNS
+    return (*COLUMNS, *world.place_columns, "east_sigma", "north_sigma", "map_heading_deg")
+
+
+def rows(tracks: Tracks, frames: Names | None = None, world: World | None = None) -> Iterator[dict[str, Any]]:
     """Each row by column; None: not known. `frames`: names of frames by their number."""
     place_sigma = tracks.place_sigma
+    placed = {} if world is None else world.columns(tracks)
     for k in range(len(tracks)):
         frame = int(tracks.frame[k])
         index = int(tracks.index[k])
@@ -61,37 +75,44 @@ def rows(tracks: Tracks, frames: Mapping[int, str | int] | None = None) -> Itera
             *tracks.size[k].tolist(),
             *tracks.size_sigma[k].tolist(),
             *(bool(tracks.standing[k]), *tracks.seen_from[k, :2].tolist()),
+            *(float(column[k]) for column in placed.values()),
         )
-        yield {name: _plain(value) for name, value in zip(COLUMNS, values, strict=True)}
+        yield {name: _plain(name, value) for name, value in zip(columns(world), values, strict=True)}
 
 
-def _plain(value: Any) -> Any:
+def _plain(name: str, value: Any) -> Any:
     if isinstance(value, float):
-        return round(value, 6) if math.isfinite(value) else None
+        return round(value, _DIGITS.get(name, 6)) if math.isfinite(value) else None
     return value
 
 
-def csv_text(tracks: Tracks, frames: Mapping[int, str | int] | None = None, header: bool = True) -> str:
+def csv_text(
+    tracks: Tracks, frames: Names | None = None, header: bool = True, *, world: World | None = None
+) -> str:
     """Lines of CSV, RFC 4180: empty is not known."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    if header:
-        writer.writerow(COLUMNS)
-    writer.writerows(row.values() for row in rows(tracks, frames))
-    return text.getvalue()
+    csv.writer(text, lineterminator="\n").writerows(row.values() for row in rows(tracks, frames, world))
+    return (csv_head(world) if header else "") + text.getvalue()
 
 
-def jsonl_text(tracks: Tracks, frames: Mapping[int, str | int] | None = None, header: bool = True) -> str:
+def csv_head(world: World | None = None) -> str:
+    """The first line of a CSV."""
+    return ",".join(columns(world)) + "\n"
+
+
+def jsonl_text(
+    tracks: Tracks, frames: Names | None = None, header: bool = True, *, world: World | None = None
+) -> str:
     """One JSON object per row."""
-    return "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows(tracks, frames))
+    return "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows(tracks, frames, world))
 
 
 def kitti_text(
     tracks: Tracks,
-    frames: Mapping[int, str | int] | None = None,
+    frames: Names | None = None,
     header: bool = True,
     *,
-    bboxes: Mapping[tuple[int, int], Any] | None = None,
+    bboxes: Mapping[int, FloatArray] | None = None,
     view: View | None = None,
 ) -> str:
     """KITTI's tracking format, `frame id type truncated occluded alpha box h w l x y z ry`, by frame.
@@ -100,16 +121,17 @@ def kitti_text(
         tracks: the rows; those of frames in which a vehicle was not seen are left out.
         frames: not used: KITTI counts frames.
         header: not used.
-        bboxes: 2D box of an object by frame and index; others get -1.
+        bboxes: 2D boxes (N, 4) of the objects of a frame, by its number; others get -1.
         view: camera, tilt and height, to put places into the camera's frame; None or without a height: y is
             -1000, not known, and x and z are those of the ground.
     """
     seen = tracks[tracks.index >= 0]
     lines = []
     for k in np.lexsort((seen.id, seen.frame)):
-        key = (int(seen.frame[k]), int(seen.index[k]))
-        box = None if bboxes is None else bboxes.get(key)
-        left, top, right, bottom = np.nan_to_num([np.nan] * 4 if box is None else box, nan=-1.0)
+        frame = int(seen.frame[k])
+        boxes = None if bboxes is None else bboxes.get(frame)
+        box = np.full(4, np.nan) if boxes is None else boxes[seen.index[k]]
+        left, top, right, bottom = np.nan_to_num(box, nan=-1.0).tolist()
         x, z, heading = seen.seen_from[k].tolist()
         length, height, width = np.nan_to_num(seen.size[k], nan=-1.0).tolist()
         turned = math.remainder(heading - 0.5 * math.pi, 2.0 * math.pi)
@@ -120,11 +142,11 @@ def kitti_text(
         numbers = (left, top, right, bottom, height, width, length, x, y, z, turned)
         kind = TYPE_OF.get(str(seen.name[k]), str(seen.name[k]))
         text = " ".join(f"{value:.4f}" for value in (alpha, *numbers))
-        lines.append(f"{key[0]} {int(seen.id[k])} {kind} -1 -1 {text}\n")
+        lines.append(f"{frame} {int(seen.id[k])} {kind} -1 -1 {text}\n")
     return "".join(lines)
 
 
-FORMATS = {"csv": csv_text, "jsonl": jsonl_text, "kitti": kitti_text}
+FORMATS: dict[str, Callable[..., str]] = {"csv": csv_text, "jsonl": jsonl_text, "kitti": kitti_text}
 """By name."""
 ENDINGS = {".csv": "csv", ".jsonl": "jsonl", ".ndjson": "jsonl", ".json": "jsonl", ".txt": "kitti"}
 """Format by a file's ending."""

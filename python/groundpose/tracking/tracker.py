@@ -110,6 +110,12 @@ class Tracker:
         handed out once: call it now and then when there is no end."""
         return Tracks.of(self._core.take_finished(), self._names).sorted()
 
+    @property
+    def open_frame(self) -> int:
+        """Number of the frame, from 0, before which no row is to come any more once `take` has been called:
+        what was collected of frames before it is complete."""
+        return self._core.open_frame()
+
     def finish(self) -> Tracks:
         """All vehicles leave: their smoothed rows, and those that `take` has not handed out. Frames may
         follow; their vehicles are new ones."""
