@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error, integer, number, shaped, type_error
+from groundpose._checks import threads as checked_threads
 from groundpose.camera_state import CameraState
 from groundpose.estimate import estimate_poses
 from groundpose.formats.boxes import Boxes
@@ -168,7 +169,7 @@ class Pipeline:
         if options is not None and not isinstance(options, Options):
             raise type_error("options", "Options", options)
         self.options = self.network.certainty.applied(options or Options())
-        self.threads = threads
+        self.threads = checked_threads(threads)
         if integer("batch_size", batch_size) < 1:
             raise input_error("batch_size", "1 or more", batch_size)
         self.batch_size = min(batch_size, LARGEST_BATCH)
@@ -287,7 +288,7 @@ class Pipeline:
         the other."""
         answers = []
         for part in np.array_split(bboxes, max(1, -(-len(bboxes) // self.batch_size))):
-            crops = self.network.codec.crops(image, part)
+            crops = self.network.codec.crops(image, part, self.threads or 0)
             watch.lap("crop")
             answers.append(self.network.detect(crops))
             watch.lap("network")
