@@ -122,7 +122,8 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     """(3,) final costs of the refinement's stages."""
 
 
-_SHAPES: dict[str, tuple[int | str, ...]] = {f.name: f.metadata["shape"] for f in fields(ResultFields)}
+SHAPES: dict[str, tuple[int | str, ...]] = {f.name: f.metadata["shape"] for f in fields(ResultFields)}
+"""Of one object's value of each result field; "P" and "M" are its numbers of keypoints and modes."""
 WRITTEN = tuple(f.name for f in fields(ResultFields) if f.metadata["written"])
 """Names of the result fields that `formats.records` writes, in order."""
 
@@ -219,14 +220,17 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         size, variance = self._sizes()
         return size, np.asarray(size * np.sqrt(variance))
 
-    def _sizes(self) -> tuple[FloatArray, FloatArray]:
-        """Sizes (N, 3) and variances (N, 3) of their logarithms."""
-        size, variance = np.full((2, len(self), 3), np.nan)
+    def answered_by_model(self) -> list[tuple[ShapeModel, list[int]]]:
+        """Each shape model with the numbers of its objects that have an answer."""
         alike: dict[int, list[int]] = {}
         for k in np.flatnonzero(self.ok).tolist():
             alike.setdefault(id(self.models[k]), []).append(k)
-        for rows in alike.values():
-            model = self.models[rows[0]]
+        return [(self.models[rows[0]], rows) for rows in alike.values()]
+
+    def _sizes(self) -> tuple[FloatArray, FloatArray]:
+        """Sizes (N, 3) and variances (N, 3) of their logarithms."""
+        size, variance = np.full((2, len(self), 3), np.nan)
+        for model, rows in self.answered_by_model():
             size[rows], slopes = model.stretched_sizes(self.shape_coefficients[rows])
             for k, slope in zip(rows, slopes, strict=True):
                 own = self.shape_covariance[k, : model.modes, : model.modes]
@@ -314,7 +318,7 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
             raise IndexError(f"index: expected {-len(self)} to {len(self) - 1}, got {i}")
         model = self.models[i]
         sizes = {"P": len(model.keypoints_3d), "M": model.modes}
-        own = {name: _own(getattr(self, name)[i], shape, sizes) for name, shape in _SHAPES.items()}
+        own = {name: _own(getattr(self, name)[i], shape, sizes) for name, shape in SHAPES.items()}
         return Pose(**own, bbox=self.bboxes[i], model=model)
 
     def keypoints_3d(self, index: int) -> FloatArray:

@@ -133,13 +133,11 @@ class ShapeModel(Value):
     def stretched_bbox_3d(self, shape_coefficients: FloatArray) -> FloatArray:
         """3D box (2, 3), metres, of an estimated shape: the mean's, stretched about its bottom centre as the
         extent of the keypoints is. Coefficients beyond the model's own M are not looked at."""
-        if not self.modes:
-            return self.bbox_3d
-        shape = self.keypoints(shape_coefficients[: self.modes])
-        before, after = np.ptp(self.keypoints_3d, axis=0), np.ptp(shape, axis=0)
-        fixed = self.bottom_centre
-        factor = np.divide(after, before, out=np.ones(3), where=before > 0.0)
-        return np.asarray(fixed + factor * (self.bbox_3d - fixed))
+        return np.asarray(self.stretched_boxes_3d(shape_coefficients[None])[0])
+
+    def stretched_boxes_3d(self, shape_coefficients: FloatArray) -> FloatArray:
+        """`stretched_bbox_3d` of n shapes with coefficients (n, M or more): (n, 2, 3)."""
+        return self._stretched(self._shapes(shape_coefficients))
 
     def stretched_size(self, shape_coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Length, height and width (3,) of `stretched_bbox_3d`, metres, and the derivatives (M, 3) of their
@@ -149,19 +147,28 @@ class ShapeModel(Value):
 
     def stretched_sizes(self, shape_coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
         """`stretched_size` of n shapes with coefficients (n, M or more): (n, 3) and (n, M, 3)."""
-        count, axes = len(shape_coefficients), np.arange(3)
-        points = np.repeat(self.keypoints_3d[None], count, axis=0)
-        for coefficient, mode in zip(shape_coefficients.T, self.basis, strict=False):  # as `_deformed`
-            points += coefficient[:, None, None] * mode
-        before, now = np.ptp(self.keypoints_3d, axis=0), np.ptp(points, axis=1)
-        fixed, factor = self.bottom_centre, np.ones((count, 3))
-        if self.modes:
-            np.divide(now, before, out=factor, where=before > 0.0)
-        low, high = (fixed + factor * (corner - fixed) if self.modes else corner for corner in self.bbox_3d)
+        axes, points = np.arange(3), self._shapes(shape_coefficients)
+        boxes, now = self._stretched(points), np.ptp(points, axis=1)
         moved = self.basis[:, points.argmax(axis=1), axes] - self.basis[:, points.argmin(axis=1), axes]
         slopes = np.divide(moved, now, out=np.zeros_like(moved), where=now > 0.0).transpose(1, 0, 2)
-        sizes = np.broadcast_to(high - low, (count, 3))
+        sizes = boxes[:, 1] - boxes[:, 0]
         return sizes[:, _LENGTH_HEIGHT_WIDTH], slopes[:, :, _LENGTH_HEIGHT_WIDTH]
+
+    def _shapes(self, shape_coefficients: FloatArray) -> FloatArray:
+        """Keypoints (n, P, 3) of n shapes, summed as `_deformed` does."""
+        points = np.repeat(self.keypoints_3d[None], len(shape_coefficients), axis=0)
+        for coefficient, mode in zip(shape_coefficients.T, self.basis, strict=False):
+            points += coefficient[:, None, None] * mode
+        return points
+
+    def _stretched(self, points: FloatArray) -> FloatArray:
+        """The mean's 3D box for each of n shapes (n, P, 3): (n, 2, 3)."""
+        if not self.modes:
+            return np.repeat(self.bbox_3d[None], len(points), axis=0)
+        before, fixed = np.ptp(self.keypoints_3d, axis=0), self.bottom_centre
+        factor = np.ones((len(points), 3))
+        np.divide(np.ptp(points, axis=1), before, out=factor, where=before > 0.0)
+        return np.asarray(fixed + factor[:, None] * (self.bbox_3d - fixed))
 
     @property
     def bottom_centre(self) -> FloatArray:

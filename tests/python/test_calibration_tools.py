@@ -577,9 +577,9 @@ def test_large_files_take_linear_time(tmp_path):
         path = write(
             tmp_path, f"{OPENCV_K}" + "".join(f"note_{i}: {i} camera_matrix\n" for i in range(lines))
         )
-        start = time.perf_counter()
+        start = time.process_time()  # others may use the processor meanwhile
         read_calibration(path)
-        return time.perf_counter() - start
+        return time.process_time() - start
 
-    small, large = (min(seconds(n) for _ in range(2)) for n in (2_000, 20_000))
+    small, large = (min(seconds(n) for _ in range(3)) for n in (2_000, 20_000))
     assert large < 30.0 * small + 0.1

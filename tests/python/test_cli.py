@@ -121,6 +121,28 @@ def test_draw_writes_pictures(frame, frames, tmp_path):
     assert "--draw" in one_line(run("estimate", frame, "--draw", tmp_path / "x.xyz", "-o", tmp_path / "o"))
 
 
+def test_a_picture_beside_its_frame_is_drawn_again(frame, tmp_path):
+    for _ in range(2):
+        assert run("estimate", frame, "--draw", tmp_path / "poses.png").exit_code == 0
+
+
+@pytest.mark.parametrize("piped", [False, True])
+def test_no_picture_that_another_frame_names_is_drawn_over(piped, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "photos").mkdir()
+    for name in ("a", "b"):
+        Image.fromarray(np.full((720, 1280, 3), 100, dtype=np.uint8)).save(tmp_path / f"photos/{name}.png")
+    before = [path.read_bytes() for path in sorted(tmp_path.glob("photos/*"))]
+    lines = [FRAME | {"id": "b", "image": "photos/a.png"}, FRAME | {"id": "a", "image": "photos/b.png"}]
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    (tmp_path / "frames.jsonl").write_text(text)
+    source = "-" if piped else "frames.jsonl"
+    found = run("estimate", source, "--draw", "photos/{id}.png", "-o", "o.jsonl", stdin=text)
+    assert found.exit_code != 0
+    assert "give another folder" in found.stderr
+    assert [path.read_bytes() for path in sorted(tmp_path.glob("photos/*"))] == before
+
+
 # option: what is typed and what Options then holds
 TYPED = {
     "inlier_threshold": ("--inlier-threshold 2.5", 2.5),

@@ -99,7 +99,7 @@ def test_a_command_that_is_killed_leaves_whole_frames_and_no_process(tmp_path):
         assert (out / "training" / "label_2" / f"{frame['id']:06d}.txt").exists()
 
 
-MAIN = "from groundpose.cli.main import main\nmain()"
+MAIN = "from groundpose.cli.start import main\nmain()"
 
 
 def marked(mark: str) -> set[int]:

@@ -1,5 +1,5 @@
 """`python -m groundpose.cli`: the command line without its script."""
 
-from groundpose.cli.main import main
+from groundpose.cli.start import main
 
 main()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from functools import cached_property
 from glob import escape
 from pathlib import Path
 
@@ -104,10 +106,12 @@ class Inputs:
     Args:
         source: of the images or frames.
         others: files, and folders with a file for each image.
+        named: finds the pictures that frames name; None: the source is pictures, and all in its folder are.
     """
 
     source: Path
     others: tuple[Path, ...] = ()
+    named: Callable[[], Collection[Path]] | None = None
 
     def refuse(self, path: Path, said: str = "") -> None:
         """Raises InputError when results would be written onto an input; `said` names the option."""
@@ -120,7 +124,14 @@ class Inputs:
             raise InputError(f"{said}{path} is an input; give another folder")
 
     def _is_picture(self, path: Path) -> bool:
+        if self.named is not None:
+            return is_picture(path) and path.resolve() in self._named
         return is_picture(path) and _same(path.parent, _folder(self.source))
+
+    @cached_property
+    def _named(self) -> set[Path]:
+        """Looked for when a picture would be written onto a file, which is seldom."""
+        return set() if self.named is None else {path.resolve() for path in self.named()}
 
     def _is_companion(self, path: Path) -> bool:
         """Whether it lies in a folder of boxes or calibrations under the name of a picture."""

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -27,7 +28,7 @@ from groundpose.cli.output import mistakes, refuse, standard_output
 from groundpose.cli.results import Output, Pictures, Style
 from groundpose.cli.run import Mounting, Result, run
 from groundpose.estimate import estimate_poses
-from groundpose.formats.frames import Frame, FrameSource
+from groundpose.formats.frames import Frame, FrameSource, named_images
 from groundpose.formats.records import pose_record, tilt_members
 from groundpose.frame import FramePriors
 from groundpose.options import Options
@@ -248,7 +249,9 @@ def estimate(
         learned = None if learn_camera is None or frame is None else LearnedCamera(learn_camera, frame)
         mounting = Mounting(pitch, roll, height, sigma, frame, learned, None if known is None else known.view)
         files = (boxes, detector, calib, profile, network, learn_camera)
-        read = Inputs(source, tuple(path for path in files if path))
+        of_pictures = boxes is not None or detector is not None or is_image(source)
+        named = None if of_pictures and tables is None else partial(_named_images, source, tables is not None)
+        read = Inputs(source, tuple(path for path in files if path), named)
         job = _Job(options, threads, mounting, out, form, draw, strict, read, said)
         meant = named_classes(classes or [])
         for_files = {
@@ -265,7 +268,7 @@ def estimate(
         if tables is not None:
             frames = (network, detector, detector_score, vehicle_threshold, meant)
             status = job.tables(source, for_files, *frames)
-        elif boxes is not None or detector is not None or is_image(source):
+        elif of_pictures:
             seen_by = CameraChoice(calib if profile is None else profile, camera, fov_deg)
             found_by = BoxChoice(boxes, detector, detector_score)
             status = job.images(
@@ -470,6 +473,15 @@ class _FrameWork:
 def _tilted_record(frame: Frame, poses: PoseBatch) -> str:
     """With the tilt of the frame, which was estimated."""
     return pose_record(frame, poses, tilt_members(poses.view))
+
+
+def _named_images(source: Path, tables: bool) -> list[Path]:
+    """The pictures that frames name; of a pipe nobody can tell before."""
+    if tables:
+        from groundpose.cli import tables as of_tables  # with the network and pyarrow
+
+        return of_tables.named_images(source)
+    return named_images(source) if source.is_file() else []
 
 
 @contextmanager

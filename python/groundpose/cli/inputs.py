@@ -64,7 +64,8 @@ def _endings() -> tuple[frozenset[str], frozenset[str]]:
 
 def is_picture(path: Path) -> bool:
     """Whether the name is one of a picture."""
-    return path.suffix.lower() in _endings()[0]
+    ending = path.suffix.lower()
+    return ending not in _FRAMES and ending in _endings()[0]
 
 
 def is_video(path: Path) -> bool:

@@ -210,6 +210,8 @@ class Pictures:
         if several and "{id}" not in path.name:
             refuse("--draw: several frames need {id} in the name, as in --draw 'frame_{id}.png'")
         self.path, self.inputs = path, inputs
+        self._read: set[Path] = set()
+        self._drawn: set[Path] = set()
 
     def write(
         self, frame: Frame, poses: PoseBatch, image: NDArray[np.uint8] | None = None, name: str = ""
@@ -220,8 +222,19 @@ class Pictures:
 
             image = as_rgb(frame.image)
         path = self.path.with_name(self.path.name.replace("{id}", name))
-        if frame.image is not None and path.resolve() == frame.image.resolve():
+        if frame.image is not None:
+            self._read.add(frame.image.resolve())
+        if path.resolve() in self._read:
             raise InputError(f"{path}: is the image; give the picture another name")
+        if self._may_be_read_later(path):
+            raise InputError(f"{path}: is there, and may be an image; give another folder")
         self.inputs.refuse(path)
         path.parent.mkdir(exist_ok=True)
         poses.draw(image, path, truth=frame.truth)
+        self._drawn.add(path)
+
+    def _may_be_read_later(self, path: Path) -> bool:
+        """Whether a later frame of a pipe may name it: nobody can look at those before."""
+        if str(self.inputs.source) != "-" or path in self._drawn or not path.exists():
+            return False
+        return path.resolve().parent in {image.parent for image in self._read}

@@ -23,6 +23,18 @@ from groundpose.keypoints.pipeline import NOT_A_VEHICLE, VehiclePoses
 from groundpose.poses import PoseBatch
 
 
+def named_images(source: Path) -> list[Path]:
+    """The pictures that the rows of tables name. Raises OSError, InputError (no Parquet file)."""
+    parquet = import_module(f"{package().__name__}.parquet")
+    folder, found = source if source.is_dir() else source.parent, []
+    for path in files_of(source):
+        with blamed(path), parquet.ParquetFile(path) as file:
+            if "image" in file.schema_arrow.names:
+                for batch in file.iter_batches(columns=["image"]):
+                    found += [folder / name for name in batch.column(0).to_pylist() if isinstance(name, str)]
+    return found
+
+
 @dataclass
 class TableWork:
     """Rows of tables, estimated one after the other, a few of them in memory; see `cli.run.Work`.

@@ -37,6 +37,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -138,7 +139,7 @@ class FrameSource:
     def __iter__(self) -> Iterator[Frame | InputError]:
         """Frames in order; a bad line gives its error and the next line goes on."""
         models: dict[str, ShapeModel] = {}
-        for number, text in self._texts():
+        for number, text in self.texts():
             place = f"{self.name}:{number}" if self.lines else self.name
             frame: Frame | InputError
             try:
@@ -148,7 +149,8 @@ class FrameSource:
                 frame = error
             yield frame
 
-    def _texts(self) -> Iterator[tuple[int, str]]:
+    def texts(self) -> Iterator[tuple[int, str]]:
+        """The frames' texts and the numbers of their lines."""
         if self.lines:
             yield from self._head
             yield from self._numbered
@@ -167,6 +169,17 @@ class FrameSource:
     def _decode(self, raw: bytes, number: int) -> str:
         # Surrogates stand for bytes that are not UTF-8; json then reports the line like any other.
         return raw.decode("utf-8", errors="surrogateescape")
+
+
+def named_images(path: Path) -> list[Path]:
+    """The pictures that the frames of a file name, whatever else is wrong with them. Raises OSError."""
+    found = []
+    with path.open("rb") as stream:
+        for number, text in FrameSource(stream, str(path), path.parent).texts():
+            with suppress(InputError):
+                if image := parse(text, f"{path}:{number}").get("image"):
+                    found.append(path.parent / image.text())
+    return found
 
 
 def read_frame(
@@ -264,7 +277,7 @@ def _object(field: Field, index: int, models: dict[str, ShapeModel]) -> FrameObj
     name = _model_name(field, models)
     count = len(models[name].keypoints_3d)
     points = field.need("keypoints_2d")
-    rows = [_pixel(item) for item in points.items()]
+    rows = points.value if _are_pixels(points.value) else [_pixel(item) for item in points.items()]
     if len(rows) != count:
         points.fail(f"{count} keypoints as in model {name!r}", str(len(rows)))
     scores, box, truth, label = (field.get(key) for key in ("keypoint_scores", "bbox", "truth", "id"))
@@ -285,6 +298,14 @@ def _model_name(field: Field, models: dict[str, ShapeModel]) -> str:
     if given.text() not in models:
         given.fail(f"one of the models {', '.join(models) or '(none given)'}")
     return given.text()
+
+
+def _are_pixels(value: Any) -> bool:
+    """Whether all are pairs of finite floats, the usual case, which needs no look at each with its path."""
+    return type(value) is list and all(
+        type(row) is list and len(row) == 2 and all(type(x) is float and x - x == 0.0 for x in row)
+        for row in value
+    )
 
 
 def _pixel(field: Field) -> list[float]:

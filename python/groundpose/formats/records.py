@@ -12,7 +12,7 @@ import numpy as np
 from groundpose._checks import FloatArray
 from groundpose.formats.frames import Frame
 from groundpose.frame import EstimatedView
-from groundpose.poses import WRITTEN, PoseBatch
+from groundpose.poses import SHAPES, WRITTEN, PoseBatch
 from groundpose.types import Camera, View
 
 
@@ -34,29 +34,50 @@ def pose_record(
     remarks, seen = list(poses.remarks), view_members(poses.view)
     said = {"camera": camera_members(poses.view.camera), **tilt_members(poses.view)}
     more = {**said, **(more or {}), **seen, **({"remarks": remarks} if remarks or seen else {})}
-    each = [{**a, **b} for a, b in zip(each or [{}] * len(poses), _on_road(poses), strict=True)]
-    rows = zip(frame.objects, poses, each, poses.bboxes, boxes_3d(poses), strict=True)
+    given, boxes, fields = _cells(poses.bboxes), _cells(boxes_3d(poses)), _fields(poses)
+    rows = zip(frame.objects, given, each or [{}] * len(poses), _on_road(poses), fields, boxes, strict=True)
     objects = [
         {
             "id": o.id,
             "model": o.model,
-            "bbox": _plain(given),
+            "bbox": bbox,
             **{name: _plain(value) for name, value in extra.items()},
-            **{name: _plain(getattr(pose, name)) for name in WRITTEN},
-            "bbox_3d": _plain(box),
+            **road,
+            **found,
+            "bbox_3d": box,
         }
-        for o, pose, extra, given, box in rows
+        for o, bbox, extra, road, found, box in rows
     ]
     time = {} if frame.time is None else {"time": frame.time}
     return json.dumps({"id": frame.id, **time, **more, "objects": objects}, allow_nan=False)
+
+
+def _fields(poses: PoseBatch) -> list[dict[str, Any]]:
+    """The written fields of `Pose` of each object, column by column: a line has hundreds of numbers."""
+    sizes = [{"P": len(model.keypoints_3d), "M": model.modes} for model in poses.models]
+    padded = any(own != sizes[0] for own in sizes)
+    columns = []
+    for name in WRITTEN:
+        column, shape = getattr(poses, name), SHAPES[name]
+        cells = column.tolist()
+        if padded and not {"P", "M"}.isdisjoint(shape):
+            cells = [_own(cell, shape, size) for cell, size in zip(cells, sizes, strict=True)]
+        columns.append(cells if column.dtype.kind != "f" else [_plain(cell) for cell in cells])
+    return [dict(zip(WRITTEN, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+def _own(cell: list[Any], shape: Sequence[int | str], size: dict[Any, int]) -> list[Any]:
+    """An object's part of its row of a batch, which is as wide as the largest model."""
+    kept, deeper = cell[: size.get(shape[0])], shape[1:]
+    return [_own(inner, deeper, size) for inner in kept] if deeper else kept
 
 
 def boxes_3d(poses: PoseBatch) -> FloatArray:
     """(N, 2, 3) metres, the lowest and the highest corner of each estimated shape's 3D box in its object
     frame; NaN without an answer."""
     found = np.full((len(poses), 2, 3), np.nan)
-    for k in np.flatnonzero(poses.ok):
-        found[k] = poses.models[k].stretched_bbox_3d(poses.shape_coefficients[k])
+    for model, rows in poses.answered_by_model():
+        found[rows] = model.stretched_boxes_3d(poses.shape_coefficients[rows])
     return found
 
 
@@ -89,15 +110,21 @@ def _on_road(poses: PoseBatch) -> list[dict[str, Any]]:
     """What a frame as a whole says of its objects."""
     if not isinstance(poses.view, EstimatedView):
         return [{}] * len(poses)
-    columns = zip(poses.size, poses.size_sigma, poses.position, strict=True)
-    return [dict(zip(("size", "size_sigma", "position"), row, strict=True)) for row in columns]
+    columns = (poses.size, poses.size_sigma, poses.position)
+    cells = zip(*map(_cells, columns), strict=True)
+    return [dict(zip(("size", "size_sigma", "position"), row, strict=True)) for row in cells]
+
+
+def _cells(array: FloatArray) -> list[Any]:
+    return [_plain(row) for row in array.tolist()]
 
 
 def _plain(value: Any) -> Any:
     """Arrays as lists and numbers that JSON cannot hold as None."""
-    if isinstance(value, np.ndarray):
-        all_there = value.dtype.kind != "f" or np.isfinite(value).all()
-        return value.tolist() if all_there else _plain(value.tolist())
     if isinstance(value, list):
+        if value and type(value[0]) is float and math.isfinite(sum(value)):
+            return value  # the usual case, quickly
         return [_plain(x) for x in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -16,6 +16,8 @@ Ints = NDArray[np.int64]
 FLIPPED_DEG = 30.0
 """A heading farther off than this is another reading."""
 KMH = 3.6
+PASSAGE, MOVES = 10, 10.0 / KMH
+"""Frames of a vehicle whose mean speed counts, and m/s above which it drives past."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +173,17 @@ class Errors:
     def join(cls, parts: list[Errors]) -> Errors:
         """Those of several sequences."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
+
+
+def passages(said: Said, truth: Truth) -> FloatArray:
+    """(v,) km/h, errors of the mean speeds of v vehicles, as a traffic engineer wants them: of those seen in
+    `PASSAGE` frames or more that drive faster than `MOVES`; `truth` is that of each answer."""
+    off = []
+    for number in np.unique(truth.id):
+        own = (truth.id == number) & np.isfinite(said.speed)
+        if own.sum() >= PASSAGE and (mean := truth.speed[own].mean()) > MOVES:
+            off.append(abs(said.speed[own].mean() - mean))
+    return KMH * np.array(off)
 
 
 def percent(hits: NDArray[np.bool_]) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 import groundpose as gp
 from groundpose.lab.evaluate import report
 from groundpose.lab.evaluate.tracks.drive import DriveVideo, moved
-from groundpose.lab.evaluate.tracks.errors import Errors, Said
+from groundpose.lab.evaluate.tracks.errors import Errors, Said, passages, truth_of
 from groundpose.lab.evaluate.tracks.identity import identity
 from groundpose.lab.evaluate.tracks.kitti import FRAME_INTERVAL, KittiSequences
 from groundpose.lab.evaluate.tracks.rivals import plain_kalman, sort
@@ -60,9 +60,21 @@ def numbers_of(sequences: list[Sequence]) -> list[dict[str, Any]]:
         if name == ALONE:
             row = {key: value for key, value in row.items() if "speed" not in key}
         else:
-            row |= identity(pairs)
+            row |= identity(pairs) | passage_numbers(pairs)
         rows.append(row)
     return rows
+
+
+def passage_numbers(pairs: list[tuple[Said, Sequence]]) -> dict[str, float | int]:
+    """Of the mean speeds of vehicles; nothing where no speed is known."""
+    off = np.concatenate([passages(said, truth_of(said, sequence)) for said, sequence in pairs])
+    if not len(off):
+        return {}
+    return {
+        "passages": len(off),
+        "median speed error of a passage km/h": float(np.median(off)),
+        "mean speed error of a passage km/h": float(off.mean()),
+    }
 
 
 def sets(data: Path | None, videos: list[Path]) -> Iterator[tuple[str, Callable[[], list[Sequence]]]]:
