@@ -18,7 +18,8 @@ from groundpose._core import InputError
 from groundpose._writing import whole_file
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
-from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.crew import split
+from groundpose.cli.inputs import NetworkFile, is_image, is_several
 from groundpose.cli.output import complain, console, mistakes, refuse, say, standard_output
 from groundpose.cli.track_input import Followed, Odometry, of_images, of_lines, pose_lines
 from groundpose.formats.calibrations import read_calibration
@@ -156,12 +157,17 @@ def _frames(
     from groundpose.cli.images import ImageWork
     from groundpose.cli.run import Mounting
     from groundpose.frame import FramePriors
+    from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline
 
     found_by.check(source)
     frame = None if view.height is None else FramePriors()
     mounting = Mounting(view.pitch, view.roll, height, None, frame)
-    yield of_images(ImageWork(source, found_by, CameraChoice(camera), mounting, -math.inf, Pipeline(network)))
+    crew, each = split(None, is_several(source))
+    pipeline = Pipeline(Network(network, each))
+    yield of_images(
+        ImageWork(source, found_by, CameraChoice(camera), mounting, -math.inf, pipeline, crew=crew)
+    )
 
 
 @dataclass
