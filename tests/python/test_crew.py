@@ -1,5 +1,9 @@
 """Threads that work ahead: the order of the items, errors in their place, few at a time, a quick end."""
 
+import re
+import signal
+import subprocess
+import sys
 import threading
 import time
 from itertools import count
@@ -8,6 +12,7 @@ import groundpose as gp
 import pytest
 from groundpose._checks import cores
 from groundpose.cli.crew import MOST, Crew, done, split
+from groundpose.lab.evaluate.kill_inputs import pictures
 
 CREWS = (1, 2, 3)
 
@@ -105,3 +110,29 @@ def test_threads_are_shared_out(monkeypatch):
     assert split(None, several=True) == (MOST, 16 // MOST)
     assert split(3, several=True) == (3, 1)
     assert split(6, several=True) == (MOST, 1)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no Ctrl-C for one process there")
+def test_ctrl_c_ends_a_run_with_images_at_work(tmp_path):
+    """At once, with what is written whole."""
+    pictures(tmp_path, 200)
+    asked = ["estimate", "images", "--boxes", "boxes", "--calib", "camera.json", "--network", "int8"]
+    asked += ["--threads", "2", "-o", "poses.jsonl", "--no-pictures"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "groundpose.cli", *asked],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        # a shell's background job ignores Ctrl-C and hands that down
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:
+        record, deadline = tmp_path / ".poses.jsonl.run", time.monotonic() + 60.0
+        while time.monotonic() < deadline and not (record.exists() and record.read_bytes().count(b"\n") > 2):
+            time.sleep(0.005)
+        sent = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+        assert time.monotonic() - sent < 3.0  # 0.02 s on a quiet machine
+    assert process.returncode == 130
+    written = int(re.search(r"interrupted; images finished and written: (\d+)", errors.decode())[1])
+    assert 0 < written < 200
+    assert len((tmp_path / "poses.jsonl").read_text(encoding="utf-8").splitlines()) == written
