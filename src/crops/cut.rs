@@ -71,6 +71,7 @@ impl Side {
 /// Pixels have integer centres, so that a picture of width W reaches from -0.5 to W - 0.5. Shrinking averages with a
 /// triangle filter over what a pixel of the crop covers, enlarging interpolates linearly. Outside there is [`FILL`].
 /// The window is finite, at most 1e9 from the origin, and its right and bottom are at least its left and top.
+/// Time and memory grow with how differently its two sides are shrunk: windows should have about the crop's shape.
 pub fn cut(picture: &impl Picture, window: [f64; 4], width: usize, out: &mut [u8], scratch: &mut Scratch) {
     let height = out.len() / (width * CHANNELS);
     let [left, top, right, bottom] = window.map(|side| side + 0.5);

@@ -82,6 +82,27 @@ def test_one_thread_fetches_beside(threads):
     assert found == [0, 1, 2, *range(4, 20)]
 
 
+@pytest.mark.parametrize("threads", [2, 3])
+def test_who_fetches_also_closes(threads):
+    """Whatever is left open when the caller has enough."""
+    names = []
+
+    def frames():
+        try:
+            for n in count():
+                names.append(threading.get_ident())
+                yield n
+        finally:
+            names.append(threading.get_ident())
+            names.append("closed")
+
+    with Crew(threads) as crew:
+        assert next(crew.beside(frames())) == 0
+    assert names[-1] == "closed"
+    assert len(set(names[:-1])) == 1
+    assert threading.get_ident() not in names
+
+
 @pytest.mark.parametrize("threads", CREWS)
 def test_what_the_iterator_raises_is_raised(threads):
     def frames():

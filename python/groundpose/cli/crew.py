@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as StillAtWork
 from itertools import repeat
@@ -31,6 +31,8 @@ class Crew:
         self.threads = threads
         self._workers = ThreadPoolExecutor(threads) if threads > 1 else None
         self._reader = ThreadPoolExecutor(1) if threads > 1 else None
+        self._closing: list[Callable[[], None]] = []
+        self._over = False
 
     def __enter__(self) -> Crew:
         """Itself."""
@@ -38,11 +40,14 @@ class Crew:
 
     def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
         """What has not begun is not done; what has is waited for."""
-        pools = [pool for pool in (self._workers, self._reader) if pool is not None]
-        for pool in pools:
-            pool.shutdown(wait=False, cancel_futures=True)
-        for pool in pools:
-            pool.shutdown()
+        self._over = True
+        if self._workers is None or self._reader is None:
+            return
+        self._workers.shutdown(wait=False, cancel_futures=True)
+        for close in self._closing:  # a file of a database is closed by the thread that reads it
+            self._reader.submit(close)
+        self._reader.shutdown()
+        self._workers.shutdown()
 
     def ahead(self, work: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
         """What `work` makes of each item, by all threads, as many items ahead as there are threads."""
@@ -55,7 +60,10 @@ class Crew:
         if self._reader is None:
             return iter(items)
         fetched = iter(items)
-        return self._until_end(self._ahead(self._reader, lambda _: _next(fetched), repeat(0)))
+        if isinstance(fetched, Generator):
+            self._closing.append(fetched.close)
+        one = self._ahead(self._reader, lambda _: (False, None) if self._over else _next(fetched), repeat(0))
+        return self._until_end(one)
 
     @staticmethod
     def _until_end(fetched: Iterator[tuple[bool, Any]]) -> Iterator[Any]:
