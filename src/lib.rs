@@ -70,7 +70,7 @@
 //!
 //! | feature | what it adds |
 //! |---|---|
-//! | `std` (default) | `workspace::GrowingWorkspace`, vector units chosen at run time, `track::tracker::Tracker` |
+//! | `std` (default) | `workspace::GrowingWorkspace`, vector units chosen at run time, `track::tracker::Tracker`, `crops` |
 //! | `rayon` (default) | `Estimator::estimate_batch`: many objects on many cores, the same bits for any number |
 //! | `synthetic` | `synthetic`: scenes with known truth |
 //! | `python` | the Python module; of no use from Rust |
@@ -78,6 +78,8 @@
 //! Without default features the crate needs neither std nor an allocator.
 #![cfg_attr(not(feature = "std"), no_std)]
 
+#[cfg(feature = "std")]
+pub mod crops;
 pub mod error;
 pub mod estimate;
 pub mod geometry;

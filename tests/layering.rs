@@ -5,12 +5,13 @@ use std::fs;
 use std::path::Path;
 
 /// The rooms from the ground to the roof, each with its files in the same order. A room without files is one file.
-const ROOMS: [(&str, &[&str]); 12] = [
+const ROOMS: [(&str, &[&str]); 13] = [
     ("error", &[]),
     ("tuning", &[]),
     ("geometry", &["math", "bbox", "footprint", "lens", "camera", "view", "pose", "local_view"]),
     ("model", &["shape_model", "observation"]),
     ("simd", &["lanes", "avx", "dispatch", "blocks", "projection"]),
+    ("crops", &["picture", "taps", "cut"]),
     ("minimal", &["p1p", "p1p_height", "up2p", "p3p"]),
     ("search", &["score", "sampler", "ransac", "noise", "false_alarms"]),
     (

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from groundpose.camera_profile import CameraProfile
     from groundpose.detector.detector import Detector
     from groundpose.keypoints.network import Network
-    from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+    from groundpose.keypoints.pipeline import Pipeline
+    from groundpose.keypoints.vehicle_poses import VehiclePoses
     from groundpose.self_calibration.calibrate import Calibration, calibrate
     from groundpose.self_calibration.plane import Known
     from groundpose.self_calibration.sightings import Sightings
@@ -47,7 +48,7 @@ _LAZY = {
     "Detector": "groundpose.detector.detector",
     "Network": "groundpose.keypoints.network",
     "Pipeline": "groundpose.keypoints.pipeline",
-    "VehiclePoses": "groundpose.keypoints.pipeline",
+    "VehiclePoses": "groundpose.keypoints.vehicle_poses",
 }
 
 __all__ = [

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "CROP_FILL",
     "EVIDENCE",
     "LENSES",
     "SOLVERS",
@@ -21,6 +22,7 @@ __all__ = [
     "build_info",
     "camera_state",
     "check_frame_priors",
+    "cut_crops",
     "default_frame_priors",
     "default_options",
     "default_track_options",
@@ -35,6 +37,7 @@ __all__ = [
 ]
 
 _Floats = NDArray[np.float64]
+_Bytes = NDArray[np.uint8]
 
 STATUS: list[str]
 STOP_REASONS: list[str]
@@ -42,6 +45,7 @@ SOLVERS: list[str]
 EVIDENCE: int
 VIEWING_ANGLES: int
 LENSES: list[str]
+CROP_FILL: tuple[int, int, int]
 
 class InputError(ValueError):
     """A mistake in an argument. The message says which one, what was expected and what was given."""
@@ -171,6 +175,7 @@ class Tracker:
     def take_finished(self) -> dict[str, Any]: ...
     def open_frame(self) -> int: ...
 
+def cut_crops(image: _Bytes, windows: _Floats, out: _Bytes, threads: int) -> None: ...
 def solve_p1p(
     view: View,
     model: Model,

@@ -4,6 +4,7 @@
 mod arrays;
 mod batch;
 mod classes;
+mod crops;
 mod frame;
 mod options;
 mod outputs;
@@ -60,6 +61,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(frame::camera_state, module)?)?;
     module.add_function(wrap_pyfunction!(frame::default_frame_priors, module)?)?;
     module.add_function(wrap_pyfunction!(frame::check_frame_priors, module)?)?;
+    module.add_function(wrap_pyfunction!(crops::cut_crops, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p1p, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p1p_height, module)?)?;
     module.add_function(wrap_pyfunction!(solvers::solve_p3p, module)?)?;
@@ -71,6 +73,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(region_radius2, module)?)?;
     module.add("EVIDENCE", crate::estimate::probability::EVIDENCE)?;
     module.add("VIEWING_ANGLES", crate::model::observation::VIEWING_ANGLES)?;
+    let [red, green, blue] = crate::crops::picture::FILL;
+    module.add("CROP_FILL", (red, green, blue))?;
     module.add("STATUS", crate::error::NoPose::NAMES.to_vec())?;
     module.add("STOP_REASONS", crate::search::ransac::StopReason::NAMES.to_vec())?;
     module.add("SOLVERS", crate::estimate::options::Solver::NAMES.to_vec())?;

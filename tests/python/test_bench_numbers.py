@@ -10,7 +10,7 @@ from groundpose.lab.bench import baseline, figure, page, stages, targets, tell
 from groundpose.lab.bench.baseline import BETTER, GONE, LOST, SAME, UNSURE
 from groundpose.lab.bench.cases import BATCHES, KEYPOINTS, PERCENTS, TWO_THREADS
 from groundpose.lab.contenders.registry import DEFAULT, TO_BEAT
-from groundpose.lab.evaluate import report
+from groundpose.lab.evaluate import image_path, report
 
 ROOT = Path(__file__).parents[2]
 
@@ -295,12 +295,15 @@ def test_the_page_keeps_its_text_and_gets_its_tables(content):
         page.filled("no marks", content)
 
 
-def test_the_committed_page_is_made_from_the_committed_numbers():
-    stored = ROOT / page.RESULTS
+@pytest.mark.parametrize(
+    ("results", "blocks"), [(page.RESULTS, page.BLOCKS), (image_path.OUT, page.IMAGE_BLOCKS)]
+)
+def test_the_committed_page_is_made_from_the_committed_numbers(results, blocks):
+    stored = ROOT / results
     if not stored.exists():
-        pytest.skip(f"no {page.RESULTS}")
+        pytest.skip(f"no {results}")
     text = (ROOT / page.PAGE).read_text("utf-8")
-    assert page.filled(text, report.read_json(stored)) == text, "groundpose evaluate pages"
+    assert page.filled(text, report.read_json(stored), blocks) == text, "groundpose evaluate pages"
 
 
 def test_the_committed_baseline_is_one():

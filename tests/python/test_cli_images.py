@@ -515,3 +515,13 @@ def test_frames_of_a_video_as_ultralytics_names_them(street):
         dump(f"labels/drive_{number}.txt", "2 0.5 0.5 0.1 0.1\n")
     named = [cli_inputs.frame_companion(Path("labels"), "in/drive.mp4", k) for k in range(3)]
     assert [path and path.name for path in named] == ["drive_1.txt", None, "drive_3.txt"]
+
+
+def test_images_at_work_ahead_change_no_byte(drive, model, undrawn):
+    for threads in ("1", "2"):
+        asked = (model, "--calib", "calib", "-o", f"{threads}.jsonl", "--no-pictures", "--threads", threads)
+        result = estimate(*asked, source="images", boxes="boxes")
+        assert result.exit_code == 1
+        assert "000002.png: expected a picture" in result.stderr
+    assert Path("1.jsonl").read_bytes() == Path("2.jsonl").read_bytes()
+    assert [line["id"] for line in lines("2.jsonl")] == ["000000", "000001", "000003"]

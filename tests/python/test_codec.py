@@ -6,6 +6,7 @@ import pytest
 from groundpose.keypoints.codec import FILL, MARGIN, Codec, cell_from_crop, crop_from_cell, cut, usable
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 CODEC = Codec()
 places = st.floats(-3000.0, 3000.0, allow_nan=False)
@@ -127,3 +128,99 @@ def test_wrong_sizes():
     with pytest.raises(gp.InputError, match="margin: expected 0 or more"):
         Codec(margin=-0.1)
     assert Codec().margin == MARGIN
+
+
+def by_pillow(image, window, width, height):
+    """The crop by Pillow's resampling, from a copy of the part that the window shows."""
+    low, high = window[:2] + 0.5, window[2:] + 0.5  # outer corners at integers, as Pillow counts
+    step = max(1, int(((high - low) / (width, height)).min() / 1.5))
+    first, last = np.floor(low).astype(int) - step, np.ceil(high).astype(int) + step
+    columns, rows = (np.arange(begin, end, step) for begin, end in zip(first, last, strict=True))
+    part = np.empty((len(rows), len(columns), 3), np.uint8)
+    part[:] = FILL
+    inside = [(at >= 0) & (at < size) for at, size in zip((rows, columns), image.shape, strict=False)]
+    part[np.ix_(*inside)] = image[np.ix_(rows[inside[0]], columns[inside[1]])]
+    box = np.concatenate([low - first - 0.5, high - first - 0.5]) / step + 0.5
+    made = Image.fromarray(part).resize((width, height), Image.Resampling.BILINEAR, box=tuple(box.tolist()))
+    return np.asarray(made)
+
+
+LAYOUTS = {
+    "rows": lambda image: image,
+    "BGR": lambda image: image[..., ::-1].copy()[..., ::-1],
+    "a part": lambda image: np.pad(image, ((1, 2), (3, 1), (0, 0)))[1:-2, 3:-1],
+    "turned": lambda image: np.rot90(np.rot90(image).copy(), -1),
+    "planes": lambda image: np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(1, 2, 0),
+}
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.tuples(st.integers(1, 90), st.integers(1, 90)),
+    st.tuples(st.floats(-0.5, 1.5), st.floats(-0.5, 1.5)),
+    st.floats(-3.0, 3.0),
+    st.floats(-1.0, 1.0),
+    st.tuples(st.integers(1, 80), st.integers(1, 80)),
+    st.sampled_from(list(LAYOUTS)),
+    st.integers(0, 2**32 - 1),
+)
+def test_pixels_are_those_of_pillow(size, centre, scale, aspect, out, layout, seed):
+    """Boxes of a thousandth of a pixel to a thousand of the image's, wide, narrow, beyond it."""
+    width, height = size
+    image = np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+    half = 0.5 * np.array(out) * 10.0**scale * (10.0**aspect, 1.0)
+    middle = np.array(centre) * size
+    window = np.concatenate([middle - half, middle + half])
+    crop = cut(LAYOUTS[layout](image), window, *out)
+    np.testing.assert_allclose(crop.astype(int), by_pillow(image, window, *out).astype(int), atol=1.0)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(-60.0, 260.0), st.floats(-60.0, 200.0), st.floats(-1.0, 2.8), st.integers(0, 2**32 - 1))
+def test_crops_of_boxes_are_the_very_bytes_of_pillow(x, y, size, seed):
+    """With the sides of the crop both passes shrink alike, and Pillow makes them in the same order."""
+    image = np.random.default_rng(seed).integers(0, 256, (150, 200, 3), dtype=np.uint8)
+    half = 0.5 * 10.0**size * np.array([4.0, 3.0])
+    window = np.array([x - half[0], y - half[1], x + half[0], y + half[1]])
+    # some compilers join products and sums, which moves a weight by a unit in 2^22
+    differ = cut(image, window, 128, 96) != by_pillow(image, window, 128, 96)
+    assert differ.mean() < 1e-3
+
+
+@pytest.mark.parametrize("threads", [0, 1, 2])
+def test_all_crops_at_once_are_those_one_by_one(threads):
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (300, 400, 3), dtype=np.uint8)
+    corner, sides = rng.uniform(-50, 350, (40, 2)), rng.uniform(1, 200, (40, 2))
+    bboxes = np.concatenate([corner, corner + sides], axis=1)
+    found = CODEC.crops(image, bboxes, threads)
+    np.testing.assert_array_equal(found, np.stack([CODEC.crop(image, bbox) for bbox in bboxes]))
+    assert CODEC.crops(image, bboxes[:0], threads).shape == (0, 96, 128, 3)
+
+
+def test_windows_of_any_layout():
+    records = np.zeros(2, dtype=[("odd", "u1"), ("window", "<f8", 4)])  # at odd addresses
+    records["window"] = [10.0, 10.0, 74.0, 58.0]
+    wanted = cut(ramp(), np.array([10.0, 10.0, 74.0, 58.0]), 64, 48)
+    for window in (records["window"][0], np.array([10, 10, 74, 58]), np.repeat(records["window"][0], 2)[::2]):
+        np.testing.assert_array_equal(cut(ramp(), window, 64, 48), wanted)
+
+
+def test_an_image_is_only_read():
+    image = ramp()
+    image.flags.writeable = False
+    assert CODEC.crop(image, np.array([0.0, 0.0, 40.0, 30.0])).shape == (96, 128, 3)
+
+
+@pytest.mark.parametrize(
+    ("window", "got"), [([3, 0, 2, 9], "3.0, 0.0, 2.0"), ([0, 0, np.nan, 9], "NaN"), ([0, -1e10, 1, 1], "-1")]
+)
+def test_windows_that_cannot_be(window, got):
+    with pytest.raises(gp.InputError, match=f"windows: expected left, top, right, bottom.*{got}"):
+        cut(ramp(), np.array(window, dtype=float), 8, 6)
+
+
+def test_images_that_cannot_be():
+    for shape in ((5, 5, 4), (0, 5, 3)):
+        with pytest.raises(gp.InputError, match="image: expected shape"):
+            cut(np.zeros(shape, np.uint8), np.array([0.0, 0.0, 4.0, 3.0]), 8, 6)

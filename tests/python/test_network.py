@@ -274,7 +274,7 @@ def test_the_cpu_runs_a_network_by_any_of_its_names(path, providers):
     pipeline = gp.Pipeline(path, providers=providers)
     assert pipeline.network._file._session.get_providers() == ["CPUExecutionProvider"]
     again = pickle.loads(pickle.dumps(pipeline.network))
-    assert again._providers == (None if providers is None else tuple(providers))
+    assert again.providers == (None if providers is None else tuple(providers))
 
 
 @pytest.mark.parametrize("name", ["NoSuchExecutionProvider", "nosuch"])

@@ -7,6 +7,7 @@ import os
 import groundpose as gp
 import numpy as np
 import pytest
+from groundpose.keypoints import image
 from groundpose.keypoints.image import as_rgb, endings
 from PIL import Image
 
@@ -138,3 +139,72 @@ def test_transparency_and_other_modes():
         if mode != "1":
             np.testing.assert_array_equal(found[..., 1], grey)
     np.testing.assert_allclose(as_rgb(picture.convert("YCbCr")).astype(int), SHOWN, atol=4)
+
+
+def jpeg(mode="RGB", size=(61, 43), **saved):
+    """The bytes of a JPEG file of a smooth picture with noise."""
+    rng, made = np.random.default_rng(1), io.BytesIO()
+    small = Image.fromarray(rng.integers(0, 256, (7, 9, 3), dtype=np.uint8)).resize(size)
+    noise = rng.integers(-9, 10, (size[1], size[0], 3))
+    pixels = np.clip(np.asarray(small).astype(int) + noise, 0, 255).astype(np.uint8)
+    Image.fromarray(pixels).convert(mode).save(made, "JPEG", **saved)
+    return made.getvalue()
+
+
+TURNED = Image.Exif()
+TURNED[0x0112] = 6
+JPEGS = {
+    **{f"sampling {k}": jpeg(subsampling=k) for k in (0, 1, 2)},
+    **{f"quality {k}": jpeg(quality=k) for k in (5, 50, 100)},
+    "progressive": jpeg(progressive=True),
+    "grey": jpeg("L"),
+    "CMYK": jpeg("CMYK"),
+    "RGB as it is": jpeg(keep_rgb=True),
+    "turned": jpeg(exif=TURNED.tobytes()),
+    "a pixel": jpeg(size=(1, 1)),
+    "narrow": jpeg(size=(3, 200)),
+    "and more behind it": jpeg() + b"more",
+}
+
+
+def read_both_ways(data, monkeypatch):
+    """What comes of bytes with simplejpeg and without it: arrays, or texts of errors."""
+    found = []
+    for has_it in (True, False):
+        monkeypatch.setattr(image, "_has_simplejpeg", lambda has_it=has_it: has_it)
+        try:
+            found.append(as_rgb(data))
+        except gp.InputError as error:
+            found.append(str(error))
+    return found
+
+
+@pytest.mark.parametrize("name", JPEGS)
+def test_the_fast_decoder_gives_the_same_pixels(name, monkeypatch):
+    pytest.importorskip("simplejpeg", reason="simplejpeg is not installed (extra [jpeg])")
+    ours, by_pillow = read_both_ways(JPEGS[name], monkeypatch)
+    np.testing.assert_array_equal(ours, by_pillow)
+
+
+def test_the_fast_decoder_takes_no_damage_that_pillow_names(monkeypatch):
+    pytest.importorskip("simplejpeg", reason="simplejpeg is not installed (extra [jpeg])")
+    whole, rng = jpeg(), np.random.default_rng(2)
+    damaged = [whole[:cut] for cut in rng.integers(2, len(whole), 60)]
+    for place, value in rng.integers(0, (len(whole), 256), (200, 2)):
+        damaged.append(whole[:place] + bytes([value]) + whole[place + 1 :])
+    errors = 0
+    for data in damaged:
+        ours, by_pillow = read_both_ways(data, monkeypatch)
+        errors += isinstance(by_pillow, str)
+        assert isinstance(ours, str) == isinstance(by_pillow, str)
+        np.testing.assert_array_equal(ours, by_pillow)
+    assert errors > 20
+
+
+def test_files_are_read_alike_whatever_holds_them(tmp_path):
+    path = tmp_path / "street.jpg"
+    path.write_bytes(jpeg())
+    wanted = np.asarray(Image.open(path).convert("RGB"))
+    with path.open("rb") as stream, Image.open(path) as picture:
+        for given in (path, path.read_bytes(), stream, picture):
+            np.testing.assert_array_equal(as_rgb(given), wanted)

@@ -40,7 +40,7 @@ class BoxChoice:
 
         if self.detector is not None:
             found = Detector(
-                self.detector, pipeline.threads, min_score=self.score, providers=pipeline.providers
+                self.detector, pipeline.threads, min_score=self.score, providers=pipeline.network.providers
             )
             return BoxesOfDetector(found, pipeline)
         assert self.boxes is not None

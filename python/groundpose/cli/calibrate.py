@@ -11,7 +11,8 @@ import typer
 from groundpose._core import InputError
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
-from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.crew import split
+from groundpose.cli.inputs import NetworkFile, is_image, is_several
 from groundpose.cli.options import takes_options
 from groundpose.cli.output import complain, console, mistakes, refuse
 from groundpose.cli.run import Mounting
@@ -177,12 +178,14 @@ def _of_images(
 ) -> Calibration:
     from groundpose.cli.images import ImageWork
     from groundpose.cli.seen_traffic import of_results
+    from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline
 
     found_by.check(source)
     pitch, roll = (None if told is None else told[0] for told in (known.pitch, known.roll))
-    pipeline = Pipeline(network, options=options, threads=threads)
-    work = ImageWork(source, found_by, choice, Mounting(pitch, roll), -math.inf, pipeline)
+    crew, each = split(threads, is_several(source))
+    pipeline = Pipeline(Network(network, each), options=options, threads=threads)
+    work = ImageWork(source, found_by, choice, Mounting(pitch, roll), -math.inf, pipeline, crew=crew)
     seen = of_results(iter(work), tracks)
     _complain(seen.bad)
     for remark in work.remarks():

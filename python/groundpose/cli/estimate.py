@@ -18,8 +18,9 @@ from groundpose._core import InputError
 from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
+from groundpose.cli.crew import split
 from groundpose.cli.destination import FORMATS, Destination, Inputs, chosen_format
-from groundpose.cli.inputs import NetworkFile, is_image, is_table, stamps
+from groundpose.cli.inputs import NetworkFile, is_image, is_several, is_table, stamps
 from groundpose.cli.journal import Settings
 from groundpose.cli.known_camera import profiled_frame, read_profile
 from groundpose.cli.learned import LearnedCamera
@@ -338,19 +339,20 @@ class _Job:
     ) -> int:
         """Estimate images; returns the exit status."""
         from groundpose.cli.images import STYLE, ImageWork
-        from groundpose.keypoints.pipeline import Pipeline  # with the network and the vehicles' models
+        from groundpose.keypoints.network import Network  # with onnxruntime
+        from groundpose.keypoints.pipeline import Pipeline  # with the vehicles' models
 
         boxes.check(source)
+        crew, each = split(self.threads, is_several(source))
         pipeline = Pipeline(
-            network,
+            Network(network, each, providers),
             options=self.options,
             threads=self.threads,
             vehicle_threshold=vehicle_threshold,
             classes=classes,
-            providers=providers,
         )
         least = -math.inf if min_score is None else min_score
-        work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif, topic)
+        work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif, topic, crew)
         form = chosen_format(self.form, self.out, images=True)
         where = Destination.of_images(self.out, form, work.several)
         drawn = self._pictures(work.several, where.pictures if pictures else None)

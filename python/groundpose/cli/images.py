@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Container, Iterator
+from collections import Counter, deque
+from collections.abc import Container, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from groundpose._checks import blamed, input_error
 from groundpose._core import InputError
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
+from groundpose.cli.crew import Crew, done
 from groundpose.cli.inputs import Shot, has_frames, is_several, is_video, pictures, shots
 from groundpose.cli.results import Style
 from groundpose.cli.run import Mounting, Result
@@ -23,13 +25,28 @@ from groundpose.formats.frames import Frame, FrameObject
 from groundpose.formats.kitti.labels import TYPE_OF
 from groundpose.formats.records import pose_record, tilt_members
 from groundpose.keypoints.image import as_rgb
-from groundpose.keypoints.pipeline import NOT_A_VEHICLE, Pipeline, VehiclePoses
+from groundpose.keypoints.pipeline import Look, Pipeline
+from groundpose.keypoints.vehicle_poses import NOT_A_VEHICLE, VehiclePoses
 from groundpose.types import View
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """An image on its way: its pixels, `found` boxes and those taken, its view, what the network saw."""
+
+    shot: Shot
+    pixels: NDArray[np.uint8]
+    found: Boxes = field(default_factory=lambda: Boxes(()))
+    boxes: tuple[Box, ...] = ()
+    view: View | None = None
+    look: Look | None = None
 
 
 @dataclass
 class ImageWork:
-    """Images, their boxes and cameras, estimated one after the other; see `cli_run.Work`.
+    """Images, their boxes and cameras, poses in their order; see `cli_run.Work`.
+
+    A crew reads images and looks at them ahead; whatever counts, remembers or learns is asked here, in order.
 
     Args:
         path: a picture, a folder or a pattern of pictures, or a video.
@@ -39,6 +56,7 @@ class ImageWork:
         min_score: boxes that a detector gives a lower score are left out.
         pipeline: that finds the poses; its `classes` say which boxes are vehicles'.
         exif: whether pictures are turned as their EXIF data asks.
+        topic: of a recording's images. crew: images that are at work at once.
 
     Attributes:
         left_out: how many boxes were left out, by reason.
@@ -58,6 +76,7 @@ class ImageWork:
     pipeline: Pipeline
     exif: bool = True
     topic: str | None = None
+    crew: int = 1
     left_out: Counter[str] = field(default_factory=Counter)
     kept: int = 0
     no_vehicle: int = 0
@@ -79,15 +98,29 @@ class ImageWork:
 
     def __iter__(self) -> Iterator[Result | InputError | None]:
         """Images in order; a bad one gives its error and the next one goes on."""
-        for number, shot in enumerate(self.shots()):
-            if number in self.finished:
-                yield None
-            else:
-                yield shot if isinstance(shot, InputError) else self.solve(shot)
+        for _, result in self.with_shots():
+            yield result
 
-    def shots(self) -> Iterator[Shot | InputError]:
-        """The images in order, before anything is found in them."""
-        return shots(self.path, self._pictures, self.exif, self.topic)
+    def with_shots(self) -> Iterator[tuple[Shot | InputError, Result | InputError | None]]:
+        """The same, each with the image before anything was found in it."""
+        begun: deque[Shot | InputError] = deque()
+        with Crew(self.crew) as crew:
+            taken = shots(self.path, self._pictures, self.exif, self.topic)
+            there = taken if self._pictures is not None else crew.beside(taken)
+            boxed = (done(self._boxed, seen) for seen in crew.ahead(self._read, self._asked(there, begun)))
+            for seen in crew.ahead(self._looked, boxed):
+                result = done(self._done, seen)
+                if isinstance(result, BaseException) and not isinstance(result, InputError):
+                    raise result
+                yield begun.popleft(), result
+
+    def _asked(
+        self, there: Iterable[Shot | InputError], begun: deque[Shot | InputError]
+    ) -> Iterator[Shot | InputError | None]:
+        """The images that are still to be done; all are noted as begun."""
+        for number, shot in enumerate(there):
+            begun.append(shot)
+            yield None if number in self.finished else shot
 
     @property
     def passed_over(self) -> int:
@@ -105,23 +138,38 @@ class ImageWork:
             said.append(f"{self.no_vehicle} box{'es hold' if self.no_vehicle > 1 else ' holds'} no vehicle")
         return said + self.mounting.remarks()
 
-    def solve(self, shot: Shot) -> Result | InputError:
-        """The poses of one image, or what is wrong with it."""
-        path = shot.path
-        try:
-            with blamed(path):
-                pixels = as_rgb(path, self.exif) if shot.image is None else as_rgb(shot.image)
-                found = self.boxes.of(shot, pixels)
-                view = self._view_of(shot, found, (pixels.shape[1], pixels.shape[0]))
-                boxes = [box for box in found.boxes if self._keeps(box)]
-                poses = self._poses(path, pixels, boxes, view)
-        except InputError as error:
-            return error
-        self.kept += len(boxes)
+    def _read(self, shot: Shot) -> _Seen:
+        """An image. Raises InputError for a bad one."""
+        with blamed(shot.path):
+            return _Seen(shot, as_rgb(shot.path, self.exif) if shot.image is None else as_rgb(shot.image))
+
+    def _boxed(self, seen: _Seen) -> _Seen:
+        """With its boxes and its view. Raises InputError for bad ones."""
+        with blamed(seen.shot.path):
+            found = self.boxes.of(seen.shot, seen.pixels)
+            view = self._view_of(seen.shot, found, (seen.pixels.shape[1], seen.pixels.shape[0]))
+            boxes = tuple(box for box in found.boxes if self._keeps(box))
+        return replace(seen, found=found, boxes=boxes, view=view)
+
+    def _looked(self, seen: _Seen) -> _Seen:
+        """With what the network sees. Raises InputError where it cannot look."""
+        with blamed(seen.shot.path), _named(seen.shot.path):
+            bboxes = np.array([box.bbox for box in seen.boxes]).reshape(-1, 4)
+            assert seen.view is not None
+            return replace(seen, look=self.pipeline.look(seen.pixels, bboxes, seen.view))
+
+    def _done(self, seen: _Seen) -> Result:
+        """The poses of an image. Raises InputError where there cannot be any."""
+        path = seen.shot.path
+        with blamed(path), _named(path):
+            assert seen.look is not None
+            assert seen.view is not None
+            poses = self.pipeline.solve(seen.look, **self.mounting.arguments(seen.view))
+        self.kept += len(seen.boxes)
         no_vehicle = int((poses.status == NOT_A_VEHICLE).sum())
         self.no_vehicle += no_vehicle
-        poses = replace(poses, box_remarks=found.remarks)
-        return Result(_frame(shot, boxes, poses), poses, pixels, no_vehicle)
+        poses = replace(poses, box_remarks=seen.found.remarks)
+        return Result(_frame(seen.shot, seen.boxes, poses), poses, seen.pixels, no_vehicle)
 
     def _keeps(self, box: Box) -> bool:
         """Whether a box is taken; else the reason is counted."""
@@ -141,19 +189,21 @@ class ImageWork:
             raise _no_camera(shot.name)
         return self.mounting.of(view)
 
-    def _poses(self, path: Path, pixels: NDArray[np.uint8], boxes: list[Box], view: View) -> VehiclePoses:
-        try:
-            bboxes = np.array([box.bbox for box in boxes]).reshape(-1, 4)
-            return self.pipeline(pixels, bboxes, view, **self.mounting.arguments(view))
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """The pipeline's errors with the image that they are of."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _no_camera(name: str) -> InputError:
     return input_error("--calib", "a file with the camera, which the boxes do not have", f"none for {name}")
 
 
-def _frame(shot: Shot, boxes: list[Box], poses: VehiclePoses) -> Frame:
+def _frame(shot: Shot, boxes: Sequence[Box], poses: VehiclePoses) -> Frame:
     """What was found, as a frame has it."""
     objects = tuple(
         FrameObject(

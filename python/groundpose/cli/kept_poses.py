@@ -4,7 +4,7 @@ not find again."""
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
@@ -47,10 +47,13 @@ class KeptPoses:
             self._places[int(line[: line.index(b" ")])] = begin
             begin += len(line)
 
-    def get(self, number: int) -> SeenVehicles | None:
-        """The vehicles of an image; None: they are still to be found."""
-        if number not in self._places:
-            return None
+    @property
+    def numbers(self) -> Collection[int]:
+        """Of the images whose vehicles an interrupted run has found."""
+        return self._places.keys()
+
+    def get(self, number: int) -> SeenVehicles:
+        """The vehicles of one of these images."""
         self._text.seek(self._places[number])
         return _read(json.loads(self._text.readline().partition(b" ")[2]), self._view)
 

@@ -19,7 +19,7 @@ from groundpose.formats.arrow_frames import BadRow, FrameRow, frame_rows
 from groundpose.formats.frames import Frame, FrameObject
 from groundpose.formats.parquet import package
 from groundpose.formats.records import pose_record, tilt_members
-from groundpose.keypoints.pipeline import NOT_A_VEHICLE, VehiclePoses
+from groundpose.keypoints.vehicle_poses import NOT_A_VEHICLE, VehiclePoses
 from groundpose.poses import PoseBatch
 
 

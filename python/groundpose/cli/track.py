@@ -17,7 +17,8 @@ from groundpose._writing import only_writer, replaceable, whole_file
 from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
-from groundpose.cli.inputs import NetworkFile, is_image
+from groundpose.cli.crew import split
+from groundpose.cli.inputs import NetworkFile, is_image, is_several
 from groundpose.cli.kept_poses import KeptPoses, kept_poses
 from groundpose.cli.known_camera import KnownCamera
 from groundpose.cli.output import mistakes, refuse, standard_output
@@ -256,11 +257,14 @@ def track_frames(
             yield of_lines(lines, source.parent)
         return
     from groundpose.cli.images import ImageWork
+    from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline
 
     found_by.check(source)
     choice = CameraChoice(camera)
-    work = ImageWork(source, found_by, choice, known.mounting, -math.inf, Pipeline(network))
+    crew, each = split(None, is_several(source))
+    pipeline = Pipeline(Network(network, each))
+    work = ImageWork(source, found_by, choice, known.mounting, -math.inf, pipeline, crew=crew)
     yield of_images(work, kept)
 
 

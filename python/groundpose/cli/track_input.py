@@ -60,17 +60,17 @@ def of_lines(lines: PoseLines, folder: Path) -> Iterator[Followed | InputError]:
 
 def of_images(work: ImageWork, kept: KeptPoses | None) -> Iterator[Followed | InputError]:
     """Frames whose poses are found now, but those that are kept of an interrupted run."""
-    for number, shot in enumerate(work.shots()):
-        if isinstance(shot, InputError):
-            yield shot
+    if kept is not None:
+        work.finished = kept.numbers
+    for number, (shot, result) in enumerate(work.with_shots()):
+        if isinstance(shot, InputError) or isinstance(result, InputError):
+            yield shot if isinstance(shot, InputError) else result
             continue
-        seen = None if kept is None else kept.get(number)
         image, path = shot.image, shot.path if shot.image is None else None
-        if seen is None:
-            result = work.solve(shot)
-            if isinstance(result, InputError):
-                yield result
-                continue
+        if result is None:  # an interrupted run has found it
+            assert kept is not None
+            seen = kept.get(number)
+        else:
             seen, image = SeenVehicles.of(result.poses), result.image
             if kept is not None:
                 kept.add(number, seen)

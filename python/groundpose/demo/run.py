@@ -10,7 +10,8 @@ import numpy as np
 
 from groundpose._checks import FloatArray
 from groundpose.demo.street import Street, example
-from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+from groundpose.keypoints.pipeline import Pipeline
+from groundpose.keypoints.vehicle_poses import VehiclePoses
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import io
 import struct
+import threading
 import warnings
+from functools import cache
+from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image, ImageFile, ImageOps, UnidentifiedImageError
 
 from groundpose._checks import describe, input_error, regular_file, type_error
 from groundpose.keypoints.codec import ByteArray
@@ -28,6 +31,8 @@ _DRAWINGS = ("EPS", "PDF", "WMF")
 """Formats that other programs would have to draw."""
 _FOREIGN = ("BUFR", "GRIB", "HDF5", "MPEG")
 """Formats that Pillow knows by name and cannot read."""
+_FILTERS = threading.Lock()
+"""The filters of warnings are those of all threads."""
 _DEPTHS = (8, 10, 12, 14, 16)
 """Bits that cameras use; a file of 16 bits may hold less."""
 
@@ -70,11 +75,11 @@ def as_rgb(image: Picture, exif: bool = True) -> ByteArray:
 
 def _opened(source: Path | IO[bytes], name: str, exif: bool) -> ByteArray:
     try:
-        with warnings.catch_warnings():  # Pillow warns of what is refused here
+        with _FILTERS, warnings.catch_warnings():  # Pillow warns of what is refused here
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             picture = Image.open(source)
         with picture:
-            return _converted(picture, name, exif)
+            return _converted(picture, name, exif, is_file=True)
     except UnidentifiedImageError:
         raise input_error(name, "a picture", "another kind of file") from None
     except Image.DecompressionBombError:
@@ -92,7 +97,7 @@ def _too_large(name: str, got: str) -> Exception:
     return input_error(name, f"at most {most:.0f} million pixels (PIL.Image.MAX_IMAGE_PIXELS)", got)
 
 
-def _converted(picture: Image.Image, name: str, exif: bool) -> ByteArray:
+def _converted(picture: Image.Image, name: str, exif: bool, is_file: bool = False) -> ByteArray:
     width, height = picture.size
     if 0 in picture.size:
         raise input_error(name, "at least one pixel", f"{width} x {height}")
@@ -106,10 +111,35 @@ def _converted(picture: Image.Image, name: str, exif: bool) -> ByteArray:
     if shown.mode.startswith("F"):
         raise input_error(name, "whole numbers", f"mode {shown.mode}; scale it to 0..255 first")
     try:
+        if is_file and shown is picture and (pixels := _fast_jpeg(picture)) is not None:
+            return pixels
         # an RGBA picture is cut, not blended with black
-        return np.asarray(shown.convert("RGB"))
+        return np.asarray(shown if shown.mode == "RGB" else shown.convert("RGB"))
     except ValueError:
         raise input_error(name, "colours, grey or a palette", f"mode {shown.mode}") from None
+
+
+def _fast_jpeg(picture: Image.Image) -> ByteArray | None:
+    """The pixels of a JPEG file that Pillow has opened, by simplejpeg (extra `jpeg`): the same decoder into
+    one array, without Pillow's copies. None: Pillow reads it, and says what is wrong with it."""
+    if not isinstance(picture, ImageFile.ImageFile) or (picture.format, picture.mode) != ("JPEG", "RGB"):
+        return None
+    if picture.fp is None or not _has_simplejpeg():
+        return None
+    from simplejpeg import decode_jpeg
+
+    file = picture.fp
+    file.seek(0)
+    try:
+        pixels: ByteArray = decode_jpeg(file.read(), "RGB", fastdct=False, fastupsample=False, strict=True)
+    except ValueError:
+        return None
+    return pixels if pixels.shape == (picture.height, picture.width, 3) else None
+
+
+@cache
+def _has_simplejpeg() -> bool:
+    return find_spec("simplejpeg") is not None
 
 
 def _upright(picture: Image.Image) -> Image.Image:

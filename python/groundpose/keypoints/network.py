@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from groundpose._checks import input_error, type_error
+from groundpose._checks import threads as checked_threads
 from groundpose._core import InputError
 from groundpose.keypoints.certainty import Certainty
 from groundpose.keypoints.codec import ByteArray, Codec
@@ -71,6 +72,7 @@ class Network:
         path: the file. codec: its crops' size and margin. calibration: of its scores. version: of its format.
         certainty: how sure poses of its keypoints are (metadata key `certainty`).
         vehicle_threshold: the probability below which a crop is taken to show no vehicle.
+        threads, providers: as given.
         metadata: all that the file says of itself, str to str (how it was trained, on what, how good).
     """
 
@@ -101,7 +103,10 @@ class Network:
         if not self.path.exists():
             raise FileNotFoundError(2, _NOT_BUNDLED if name in BUNDLED else _no_file(name), str(self.path))
         self._file = OnnxFile(self.path, threads, providers)
-        self._threads, self._providers = threads, None if providers is None else tuple(providers)
+        self.threads, self.providers = (
+            checked_threads(threads),
+            None if providers is None else tuple(providers),
+        )
         self.metadata = self._file.metadata
         self.version = self.metadata.get(FORMAT, "")
         if self.version not in OUTPUTS:
@@ -133,7 +138,7 @@ class Network:
 
     def __reduce__(self) -> tuple[type[Network], tuple[str, int | None, tuple[str, ...] | None]]:
         """Pickled as the place of its file, which another process loads again."""
-        return Network, (str(self.path.resolve()), self._threads, self._providers)
+        return Network, (str(self.path.resolve()), self.threads, self.providers)
 
     def __repr__(self) -> str:
         """File and size of a crop."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error, integer, number, shaped, type_error
+from groundpose._checks import threads as checked_threads
 from groundpose.camera_state import CameraState
 from groundpose.estimate import estimate_poses
 from groundpose.formats.boxes import Boxes
@@ -20,8 +21,8 @@ from groundpose.keypoints.codec import ByteArray, usable
 from groundpose.keypoints.decode import Detections
 from groundpose.keypoints.image import Picture, as_rgb
 from groundpose.keypoints.network import Network
+from groundpose.keypoints.vehicle_poses import NOT_A_VEHICLE, VehiclePoses
 from groundpose.options import Options
-from groundpose.poses import PoseBatch
 from groundpose.shape import ShapeModel
 from groundpose.types import View
 from groundpose.vehicles.classes import CLASSES
@@ -29,73 +30,8 @@ from groundpose.vehicles.keypoints import keypoint_indices
 from groundpose.vehicles.shape_models import shape_model
 from groundpose.vehicles.words import class_names
 
-NOT_A_VEHICLE = "not_a_vehicle"
-"""Status of an object in whose box the network sees no vehicle; `_core.STATUS` has the solver's."""
 LARGEST_BATCH = 64
 _ROWS = {class_name: keypoint_indices(class_name) for class_name in CLASSES}
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class VehiclePoses(PoseBatch):
-    """A `PoseBatch` of detected vehicles, and what the network said of them.
-
-    Attributes:
-        classes: (N,) str, the likeliest class; its model is `models[i]`. "" for an unusable box and for one
-            without a vehicle.
-        class_probabilities: (N, C) in the order of `groundpose.vehicles.CLASSES`, given that there is a
-            vehicle; NaN for an unusable box.
-        vehicle_probability: (N,) that there is a vehicle in the box; where it is below
-            `Pipeline.vehicle_threshold` the status is "not_a_vehicle". 1 from a network of format version
-            "1", NaN for an unusable box and for one whose class is no vehicle's.
-        viewing_angle_probabilities: (N, 16) of the angle from which the network sees the vehicle: KITTI's
-            alpha, `rotation_y - atan2(x, z)`, bin b centred on b * 22.5 degrees. They tell a pose from its
-            reading turned round. NaN from a network of format version "1" and for an unusable box.
-        keypoint_scores: (N, P) probability of each keypoint to be right, NaN beyond an object's own.
-        seconds: what the steps took: "crop", "network", "decode", "solve".
-        ids: (N,) str or int of the objects: of their tracks or boxes where these have any, else 0 to N - 1.
-        box_remarks: what was done to the boxes that were given, each as "kind: details"; `remarks` has them
-            too.
-    """
-
-    classes: NDArray[np.str_]
-    class_probabilities: FloatArray
-    vehicle_probability: FloatArray
-    viewing_angle_probabilities: FloatArray
-    keypoint_scores: FloatArray
-    seconds: Mapping[str, float]
-    ids: NDArray[np.object_]
-    box_remarks: tuple[str, ...]
-
-    def __repr__(self) -> str:
-        """How many of what have an answer."""
-        named, counts = np.unique(self.classes[self.ok], return_counts=True)
-        what = ", ".join(f"{count} {class_name}" for class_name, count in zip(named, counts, strict=True))
-        return f"VehiclePoses({int(self.ok.sum())} of {len(self)} ok{': ' * bool(what)}{what})"
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What looks wrong in the input: `PoseBatch.remarks` and what was done to the boxes."""
-        return (*self.box_remarks, *super().remarks)
-
-    @property
-    def class_probability(self) -> FloatArray:
-        """(N,) probability of the class chosen."""
-        return np.asarray(self.class_probabilities.max(axis=1))
-
-    @property
-    def kinds(self) -> NDArray[np.str_]:
-        """The former name of `classes`."""
-        return self.classes
-
-    @property
-    def kind_probabilities(self) -> FloatArray:
-        """The former name of `class_probabilities`."""
-        return self.class_probabilities
-
-    @property
-    def kind_probability(self) -> FloatArray:
-        """The former name of `class_probability`."""
-        return self.class_probability
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +50,16 @@ class Found:
     viewing_angle_probabilities: FloatArray
     no_vehicle: NDArray[np.bool_]
     seconds: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What `Pipeline.look` saw in an image: its view, the boxes as given and as (N, 4) pixels, keypoints."""
+
+    view: View
+    given: Boxes
+    bboxes: FloatArray
+    found: Found
 
 
 class Pipeline:
@@ -144,7 +90,8 @@ class Pipeline:
                 left out keep theirs.
             options: of the solver; what they leave open of the certainty is the network's
                 (`Network.certainty`).
-            threads: of network and solver, 1 or more; None: all cores. A `Network` given keeps its own.
+            threads: of network, crops and solver, 1 or more; None: all cores. A `Network` given keeps its
+                own, for the crops too.
             batch_size: most crops that the network sees at a time, at most 64: that bounds memory and how
                 long Ctrl-C waits.
             vehicle_threshold: objects whose probability to be a vehicle is lower get the status
@@ -164,11 +111,10 @@ class Pipeline:
         if isinstance(network, Network) and providers is not None:
             raise input_error("providers", "None beside a Network, which has its own", providers)
         self.network = network if isinstance(network, Network) else Network(network, threads, providers)
-        self.providers = providers
         if options is not None and not isinstance(options, Options):
             raise type_error("options", "Options", options)
         self.options = self.network.certainty.applied(options or Options())
-        self.threads = threads
+        self.threads = checked_threads(threads)
         if integer("batch_size", batch_size) < 1:
             raise input_error("batch_size", "1 or more", batch_size)
         self.batch_size = min(batch_size, LARGEST_BATCH)
@@ -212,10 +158,13 @@ class Pipeline:
                 beside `camera_state`.
             OSError: no such file. TypeError: an argument of another type.
         """
+        return self.solve(self.look(image, bboxes, view), frame_tilt_sigma, frame)
+
+    def look(self, image: Picture, bboxes: object, view: View) -> Look:
+        """The first half of a call: what the network sees, without poses. It changes nothing here, so that
+        several threads may look at several images at once. Arguments and errors as of a call."""
         if not isinstance(view, View):
             raise type_error("view", "a View", view)
-        if frame is not None and self.camera_state is not None:
-            raise input_error("frame", "None where the pipeline has a camera_state", type(frame).__name__)
         pixels = as_rgb(image)
         size = (pixels.shape[1], pixels.shape[0])
         if view.camera.image_size not in (None, size):
@@ -226,10 +175,22 @@ class Pipeline:
         others = np.array([not box.means_vehicle(self.classes) for box in given.boxes], dtype=bool)
         found = self.detect(pixels, np.where(others[:, None], np.nan, boxes))
         found.no_vehicle[others] = True
-        models = [self.models[class_name or CLASSES[0]] for class_name in found.classes]
+        return Look(view, given, boxes, found)
+
+    def solve(
+        self,
+        look: Look,
+        frame_tilt_sigma: float | None = None,
+        frame: FramePriors | CameraState | None = None,
+    ) -> VehiclePoses:
+        """The second half: the poses of what was seen. Arguments and errors as of a call."""
+        if frame is not None and self.camera_state is not None:
+            raise input_error("frame", "None where the pipeline has a camera_state", type(frame).__name__)
+        found = look.found
         watch = _Stopwatch(found.seconds)
         poses = estimate_poses(
-            *(view, found.keypoints, boxes, models, found.scores, self.options, self.threads),
+            *(look.view, found.keypoints, look.bboxes, self._models(found), found.scores),
+            *(self.options, self.threads),
             frame_tilt_sigma=frame_tilt_sigma,
             vehicle_probability=found.vehicle_probability,
             viewing_angle_probabilities=found.viewing_angle_probabilities,
@@ -248,9 +209,12 @@ class Pipeline:
             viewing_angle_probabilities=found.viewing_angle_probabilities,
             keypoint_scores=scores,
             seconds=found.seconds,
-            ids=_objects([box.id for box in given.boxes]),
-            box_remarks=given.remarks,
+            ids=_objects([box.id for box in look.given.boxes]),
+            box_remarks=look.given.remarks,
         )
+
+    def _models(self, found: Found) -> list[ShapeModel]:
+        return [self.models[class_name or CLASSES[0]] for class_name in found.classes]
 
     def detect(self, image: ByteArray, bboxes: FloatArray) -> Found:
         """Keypoints of boxes (N, 4) of an image (H, W, 3) uint8, without poses."""
@@ -287,7 +251,7 @@ class Pipeline:
         the other."""
         answers = []
         for part in np.array_split(bboxes, max(1, -(-len(bboxes) // self.batch_size))):
-            crops = self.network.codec.crops(image, part)
+            crops = self.network.codec.crops(image, part, self.network.threads or 0)
             watch.lap("crop")
             answers.append(self.network.detect(crops))
             watch.lap("network")

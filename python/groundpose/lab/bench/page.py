@@ -1,7 +1,7 @@
 """The numbers of docs/performance.md: `groundpose evaluate pages` after `groundpose bench`.
 
 Text is written by hand and holds no measured number; tables stand between marks and are made from
-results/bench.json.
+results/bench.json and, of the way from pictures to poses, results/image_path.json.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from groundpose._writing import write_text
 from groundpose.lab.bench import stages, targets
 from groundpose.lab.bench.targets import line
 from groundpose.lab.contenders.registry import DEFAULT, TO_BEAT
-from groundpose.lab.evaluate import report
+from groundpose.lab.evaluate import image_path, report
 
 RESULTS, PAGE = Path("results/bench.json"), Path("docs/performance.md")
 Lines = list[dict[str, Any]]
+Blocks = dict[str, Callable[[dict[str, Any]], str]]
 _MARK = "<!-- measured {}: {} -->"
 
 
@@ -154,7 +155,7 @@ ARM = (
     ("vehicle M = 5", "search + default"),
     ("cube 50 %", "search + default"),
 )
-BLOCKS: dict[str, Callable[[dict[str, Any]], str]] = {
+BLOCKS: Blocks = {
     "on": made_on,
     "targets": lambda content: report.table(targets.table(content["cases"])),
     "vehicles": vehicles,
@@ -164,12 +165,18 @@ BLOCKS: dict[str, Callable[[dict[str, Any]], str]] = {
     "traffic": traffic,
     "arm": arm,
 }
-"""Every table of the page by the name in its marks."""
+"""Tables of the page by the name in their marks."""
+IMAGE_BLOCKS: Blocks = {
+    "image": image_path.vehicles_table,
+    "folder": image_path.folder_table,
+    "networks": image_path.networks_table,
+    "picture": image_path.picture_table,
+}
 
 
-def filled(page: str, content: dict[str, Any]) -> str:
+def filled(page: str, content: dict[str, Any], blocks: Blocks = BLOCKS) -> str:
     """The page with its tables made anew. InputError when a table has no marks in it."""
-    for name, make in BLOCKS.items():
+    for name, make in blocks.items():
         begin, end = (_MARK.format(name, which) for which in ("begin", "end"))
         if begin not in page or end not in page:
             raise InputError(f"page: expected {begin} and {end}, got neither or one")
@@ -183,10 +190,11 @@ def filled(page: str, content: dict[str, Any]) -> str:
 
 
 def write_page(root: Path) -> Path | None:
-    """Make the tables of the page anew from the stored run; None when there is none."""
-    content = report.read_json(root / RESULTS)
-    page = root / PAGE
-    if not content:
-        return None
-    write_text(page, filled(page.read_text("utf-8"), content))
-    return page
+    """Make the tables of the page anew from the stored runs; None when there is none."""
+    page, found = root / PAGE, False
+    for stored, blocks in ((RESULTS, BLOCKS), (image_path.OUT, IMAGE_BLOCKS)):
+        content = report.read_json(root / stored)
+        if content:
+            write_text(page, filled(page.read_text("utf-8"), content, blocks))
+            found = True
+    return page if found else None

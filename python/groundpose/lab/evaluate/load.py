@@ -114,7 +114,7 @@ def measure(job: Job, count: int, checkouts: dict[str, Path]) -> dict[str, Any]:
             job.make(count)
             for name, checkout in checkouts.items():
                 Path("out").mkdir(exist_ok=True)
-                found[name] = _run(job.arguments(count), checkout)
+                found[name] = run_once(job.arguments(count), checkout)
                 for path in Path("out").iterdir():
                     path.unlink()
         finally:
@@ -122,9 +122,10 @@ def measure(job: Job, count: int, checkouts: dict[str, Path]) -> dict[str, Any]:
     return found
 
 
-def _run(arguments: list[str], checkout: Path) -> dict[str, Any]:
+def run_once(arguments: list[str], checkout: Path) -> dict[str, Any]:
     """Time and memory of a process; of a call, as it says itself."""
-    environment = {**os.environ, "PYTHONPATH": str(checkout / "python")}
+    paths = [str(checkout / "python"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
     start = time.perf_counter()
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(

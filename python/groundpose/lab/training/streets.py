@@ -24,7 +24,8 @@ from groundpose.calibration import read_kitti_projection
 from groundpose.formats.kitti.labels import CLASS_OF, KittiLabel, read_labels
 from groundpose.keypoints.codec import ByteArray, Codec
 from groundpose.keypoints.image import as_rgb
-from groundpose.keypoints.pipeline import Pipeline, VehiclePoses
+from groundpose.keypoints.pipeline import Pipeline
+from groundpose.keypoints.vehicle_poses import VehiclePoses
 from groundpose.lab.data import data_folder, rotation_about_y
 from groundpose.lab.metrics import rotation_error_deg
 
