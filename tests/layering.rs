@@ -55,6 +55,8 @@ const ROOMS: [(&str, &[&str]); 12] = [
             "frame_answer",
             "frame",
             "camera_state",
+            "answers",
+            "queue",
             "batch",
         ],
     ),

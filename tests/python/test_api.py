@@ -21,9 +21,9 @@ from groundpose.poses import ResultFields
 def test_public_names_are_the_promised_ones():
     promised = (
         "Alternatives Calibration Camera CameraProfile CameraState ClassSize Detector EstimatedView "
-        "FramePriors InputError Known Network Options Pipeline Pose PoseBatch SeenVehicles ShapeModel "
-        "Sightings SizePrior TrackOptions Tracker Tracks VehiclePoses View __version__ build_info calibrate "
-        "estimate_poses region_radius2"
+        "Estimator FramePriors InputError Known Network Options Pipeline Pose PoseBatch SeenVehicles "
+        "ShapeModel Sightings SizePrior TrackOptions Tracker Tracks VehiclePoses View __version__ build_info "
+        "calibrate estimate_poses region_radius2"
     )
     assert gp.__all__ == promised.split() == sorted(gp.__all__)
     info = gp.build_info()
