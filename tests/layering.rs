@@ -58,6 +58,8 @@ const ROOMS: [(&str, &[&str]); 13] = [
             "frame_answer",
             "frame",
             "camera_state",
+            "answers",
+            "queue",
             "batch",
         ],
     ),

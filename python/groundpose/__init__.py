@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from groundpose._core import InputError, build_info
 from groundpose.camera_state import CameraState
 from groundpose.estimate import estimate_poses
+from groundpose.estimator import Estimator
 from groundpose.frame import EstimatedView, FramePriors
 from groundpose.options import Options
 from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
@@ -62,6 +63,7 @@ __all__ = [
     "CrossingCounter",
     "Detector",
     "EstimatedView",
+    "Estimator",
     "Flow",
     "FramePriors",
     "InputError",

@@ -143,7 +143,7 @@ def float_array(argument: str, value: Any, expected: str) -> FloatArray:
     if value.dtype.kind not in "fiu":
         raise type_error(argument, expected, value)
     with np.errstate(over="ignore"):  # of a longer float: infinity, as any other is judged
-        return np.asarray(value, dtype=np.float64, order="C")
+        return np.require(value, np.float64, ("C", "A"))
 
 
 def _is_plain(value: Any) -> bool:
@@ -153,6 +153,7 @@ def _is_plain(value: Any) -> bool:
         and value.dtype.char == "d"
         and value.dtype.isnative
         and value.flags.c_contiguous
+        and value.flags.aligned
     )
 
 

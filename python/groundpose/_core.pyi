@@ -13,9 +13,12 @@ __all__ = [
     "STATUS",
     "STOP_REASONS",
     "VIEWING_ANGLES",
+    "Answers",
     "Camera",
+    "Estimator",
     "InputError",
     "Model",
+    "Models",
     "Options",
     "Tracker",
     "View",
@@ -26,7 +29,6 @@ __all__ = [
     "default_frame_priors",
     "default_options",
     "default_track_options",
-    "estimate_batch",
     "region_radius2",
     "solve_frame",
     "solve_p1p",
@@ -120,19 +122,43 @@ class Options:
     def __new__(cls, **fields: Any) -> Options: ...
 
 def default_options() -> dict[str, Any]: ...
-def estimate_batch(
-    view: View,
-    keypoints_2d: _Floats,
-    keypoint_scores: _Floats | None,
-    bboxes: _Floats | None,
-    models: list[Model],
-    inlier_thresholds: _Floats | None,
-    options: Options,
-    threads: int,
-    frame_tilt_sigma: float | None = None,
-    vehicle_probability: _Floats | None = None,
-    viewing_angle_probabilities: _Floats | None = None,
-) -> dict[str, Any]: ...
+
+@final
+class Models:
+    @staticmethod
+    def of(models: Any) -> Models | None: ...
+
+@final
+class Answers:
+    names: list[str]
+    def __len__(self) -> int: ...
+    @property
+    def modes(self) -> int: ...
+    @property
+    def tilt(self) -> tuple[float, float, _Floats] | None: ...
+    def array(self, name: str) -> NDArray[Any] | None: ...
+
+@final
+class Estimator:
+    def __new__(
+        cls,
+        view: View,
+        models: Models | None,
+        options: Options,
+        inlier_thresholds: _Floats | None = None,
+        threads: int = 0,
+        frame_tilt_sigma: float | None = None,
+    ) -> Estimator: ...
+    def estimate(
+        self,
+        keypoints_2d: object,
+        bboxes: object = None,
+        keypoint_scores: object = None,
+        model_indices: object = None,
+        vehicle_probability: object = None,
+        viewing_angle_probabilities: object = None,
+    ) -> Answers | None: ...
+
 def region_radius2(level: float, dimensions: int, dof: float) -> float: ...
 def default_frame_priors() -> dict[str, float]: ...
 def check_frame_priors(sigmas: tuple[float, ...], scales: _Floats) -> None: ...

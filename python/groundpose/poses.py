@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -121,6 +121,10 @@ class ResultFields(Generic[Text, Flag, Number, Count]):
     stage_costs: FloatArray = field(metadata=spec(3, written=False))
     """(3,) final costs of the refinement's stages."""
 
+
+# The fields that a batch has, with `_OTHERS` what makes the others: `vars` of a batch makes them.
+_kept: Callable[[object], dict[str, Any]] = vars(ResultFields)["__dict__"].__get__
+_OTHERS = "_others"
 
 SHAPES: dict[str, tuple[int | str, ...]] = {f.name: f.metadata["shape"] for f in fields(ResultFields)}
 """Of one object's value of each result field; "P" and "M" are its numbers of keypoints and modes."""
@@ -293,8 +297,41 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
     def _of(cls, values: dict[str, Any]) -> Self:
         """From all fields by name, in a sixth of the time that a frozen dataclass takes to set thirty."""
         made = object.__new__(cls)
-        vars(made).update(values)
+        _kept(made).update(values)
         return made
+
+    @classmethod
+    def _later(cls, values: dict[str, Any], others: Callable[[str], Any]) -> Self:
+        """From some fields; the others are made when they are first asked for. `vars` has all of them."""
+        made = cls._of(values)
+        _kept(made)[_OTHERS] = others
+        return made
+
+    if not TYPE_CHECKING:  # which would take any name
+
+        def __getattr__(self, name: str) -> Any:
+            """A field that nobody has asked for yet."""
+            kept = _kept(self)
+            others = kept.get(_OTHERS)
+            if name in self.__dataclass_fields__ and (others is not None or name in kept):
+                return kept.setdefault(name, others and others(name))  # another thread may have been faster
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+        @property
+        def __dict__(self) -> dict[str, Any]:
+            """All fields."""
+            kept = _kept(self)
+            others = kept.get(_OTHERS)
+            if others is not None:
+                for name in self.__dataclass_fields__:
+                    if name not in kept:
+                        kept.setdefault(name, others(name))
+                kept.pop(_OTHERS, None)
+            return kept
+
+        def __getstate__(self) -> dict[str, Any]:
+            """What is pickled and copied."""
+            return vars(self)
 
     def __len__(self) -> int:
         """Number of objects, N."""

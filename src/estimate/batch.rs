@@ -1,15 +1,17 @@
 //! Many objects on many cores. Results do not depend on the number of threads.
 
 use crate::error::{Got, InputError, NoPose, require};
+use crate::estimate::answers::{Answer, Answers, Objects};
 use crate::estimate::describe::Estimate;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::frame_tilt::{FrameTilt, UpAxis, frame_tilt};
 use crate::estimate::options::Options;
+use crate::estimate::queue::{Pace, Queue};
 use crate::estimate::workspace::{GrowingWorkspace, Workspace};
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
 
-/// Objects a thread takes at once: enough to hide the cost of handing them out.
+/// Fewest objects for which other threads are woken: enough to hide the cost of handing them out.
 ///
 /// ```
 /// use groundpose::OBJECTS_PER_TASK;
@@ -18,47 +20,6 @@ use crate::model::observation::Observation;
 /// assert_eq!(OBJECTS_PER_TASK, 16);
 /// ```
 pub const OBJECTS_PER_TASK: usize = 16;
-
-/// A pose, or why there is none.
-pub(crate) type Answer = Result<Estimate, NoPose>;
-
-/// The objects of a batch by their place in it.
-pub(crate) trait Objects: Sync {
-    /// Calls `f` with the observation of object `i`; none where its own numbers are not usable.
-    fn observe<R>(&self, i: usize, f: impl FnOnce(&Observation) -> R) -> Option<R>;
-}
-
-impl Objects for [Observation<'_>] {
-    fn observe<R>(&self, i: usize, f: impl FnOnce(&Observation) -> R) -> Option<R> {
-        Some(f(&self[i]))
-    }
-}
-
-/// Places for the answers of objects that follow each other.
-pub(crate) trait Answers: Sized + Send {
-    /// How many objects.
-    fn len(&self) -> usize;
-
-    /// The first `k` objects, and the others.
-    fn split_at(self, k: usize) -> (Self, Self);
-
-    /// The answer of object `k` of these; `residuals` are those of a pose, one per keypoint.
-    fn store(&mut self, k: usize, answer: Answer, residuals: &[f64]);
-}
-
-impl Answers for &mut [Answer] {
-    fn len(&self) -> usize {
-        <[Answer]>::len(self)
-    }
-
-    fn split_at(self, k: usize) -> (Self, Self) {
-        self.split_at_mut(k)
-    }
-
-    fn store(&mut self, k: usize, answer: Answer, _: &[f64]) {
-        self[k] = answer;
-    }
-}
 
 /// What objects say of the tilt of their frame.
 pub(crate) struct Axes<'a> {
@@ -89,21 +50,23 @@ pub(crate) struct Batch<'a, O: ?Sized> {
     objects: &'a O,
 }
 
-impl<O: Objects + ?Sized> Batch<'_, O> {
+impl<O: ?Sized> Batch<'_, O> {
     /// The answers of the objects from `first` on, as long as `go_on` says so between two of them.
-    pub(crate) fn on_this_thread(
+    pub(crate) fn on_this_thread<A: Answers>(
         &self,
         workspace: &mut GrowingWorkspace,
         first: usize,
-        mut answers: impl Answers,
+        mut answers: A,
         mut go_on: impl FnMut() -> bool,
-    ) {
+    ) where
+        O: Objects<A>,
+    {
         for k in 0..answers.len() {
             if !go_on() {
                 return;
             }
             let i = first + k;
-            let answer = self.objects.observe(i, |observation| {
+            let answer = self.objects.observe(i, &mut answers, k, |observation| {
                 let buffers =
                     workspace.grown(observation.keypoints_2d().len(), observation.model().eigenvalues().len());
                 self.estimator.estimate_checked(self.view, observation, buffers, i as u64)
@@ -112,15 +75,36 @@ impl<O: Objects + ?Sized> Batch<'_, O> {
         }
     }
 
-    /// The same on the threads of the current pool.
-    pub(crate) fn on_threads(&self, first: usize, answers: impl Answers, go_on: &(impl Fn() -> bool + Sync + ?Sized)) {
-        let objects = answers.len();
-        if objects <= OBJECTS_PER_TASK {
-            return self.on_this_thread(&mut GrowingWorkspace::new(), first, answers, go_on);
+    /// The answers of objects that this thread takes from a queue, as long as there are any and `go_on` says so.
+    pub(crate) fn until_empty<A: Answers>(
+        &self,
+        workspace: &mut GrowingWorkspace,
+        queue: &Queue<A>,
+        mut go_on: impl FnMut() -> bool,
+    ) where
+        O: Objects<A>,
+    {
+        let mut pace = Pace::new();
+        while let Some((first, answers)) = queue.take(&mut pace) {
+            self.on_this_thread(workspace, first, answers, &mut go_on);
         }
-        let half = (objects / 2).next_multiple_of(OBJECTS_PER_TASK);
-        let (these, others) = answers.split_at(half);
-        rayon::join(|| self.on_threads(first, these, go_on), || self.on_threads(first + half, others, go_on));
+    }
+
+    /// All answers, on this thread and the others of the current pool.
+    fn on_threads<A: Answers>(&self, answers: A)
+    where
+        O: Objects<A>,
+    {
+        let threads = rayon::current_num_threads();
+        if threads == 1 || answers.len() <= OBJECTS_PER_TASK {
+            return self.on_this_thread(&mut GrowingWorkspace::new(), 0, answers, || true);
+        }
+        let queue = Queue::new(0, answers, threads);
+        let work = || self.until_empty(&mut GrowingWorkspace::new(), &queue, || true);
+        rayon::in_place_scope(|scope| {
+            (1..threads).for_each(|_| scope.spawn(|_| work()));
+            work();
+        });
     }
 }
 
@@ -160,7 +144,7 @@ impl Estimator {
         observations: &[Observation],
     ) -> Result<Vec<Result<Estimate, NoPose>>, InputError> {
         let mut answers = vec![Err(NoPose::InvalidInput); observations.len()];
-        self.batch(view, observations)?.on_threads(0, &mut answers[..], &|| true);
+        self.batch(view, observations)?.on_threads(&mut answers[..]);
         Ok(answers)
     }
 
@@ -200,7 +184,7 @@ impl Estimator {
         frame_tilt_sigma: f64,
     ) -> Result<(FrameTilt, Vec<Result<Estimate, NoPose>>), InputError> {
         let frame = self.frame_tilt(view, observations.len(), frame_tilt_sigma, |free, axes| {
-            free.batch(view, observations)?.on_threads(0, axes, &|| true);
+            free.batch(view, observations)?.on_threads(axes);
             Ok::<(), InputError>(())
         })?;
         let estimates = self.estimate_batch(&frame.view, observations)?;
@@ -227,11 +211,7 @@ impl Estimator {
 
     /// # Errors
     /// The solver needs a height that `view` does not have.
-    pub(crate) fn batch<'a, O: Objects + ?Sized>(
-        &'a self,
-        view: &'a View,
-        objects: &'a O,
-    ) -> Result<Batch<'a, O>, InputError> {
+    pub(crate) fn batch<'a, O: ?Sized>(&'a self, view: &'a View, objects: &'a O) -> Result<Batch<'a, O>, InputError> {
         self.check_view(view)?;
         Ok(Batch { estimator: self, view, objects })
     }

@@ -3,6 +3,8 @@
 //! An estimate of one object reads from `pipeline` on.
 
 pub mod alternative;
+#[cfg(feature = "rayon")]
+pub(crate) mod answers;
 pub(crate) mod attempt;
 #[cfg(feature = "rayon")]
 pub mod batch;
@@ -20,6 +22,8 @@ pub mod options;
 pub(crate) mod outline;
 pub(crate) mod pipeline;
 pub mod probability;
+#[cfg(feature = "rayon")]
+pub(crate) mod queue;
 pub(crate) mod refine;
 pub(crate) mod search;
 pub(crate) mod verify;

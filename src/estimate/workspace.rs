@@ -210,3 +210,21 @@ impl Workspace for GrowingWorkspace {
         &self.numbers[..self.keypoints]
     }
 }
+
+/// Workspaces that are kept between batches, one for each that runs at a time.
+#[cfg(feature = "rayon")]
+#[derive(Default)]
+pub(crate) struct Workspaces(std::sync::Mutex<Vec<GrowingWorkspace>>);
+
+#[cfg(feature = "rayon")]
+impl Workspaces {
+    /// Lends one for a while. A child forked while another thread held the lock does not wait for it.
+    pub(crate) fn lend<R>(&self, work: impl FnOnce(&mut GrowingWorkspace) -> R) -> R {
+        let mut workspace = self.0.try_lock().ok().and_then(|mut kept| kept.pop()).unwrap_or_default();
+        let result = work(&mut workspace);
+        if let Ok(mut kept) = self.0.try_lock() {
+            kept.push(workspace);
+        }
+        result
+    }
+}

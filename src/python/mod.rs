@@ -5,13 +5,18 @@ mod arrays;
 mod batch;
 mod classes;
 mod crops;
+mod fields;
 mod frame;
+mod given;
+mod models;
+mod observe;
 mod options;
 mod outputs;
 mod solvers;
 mod synthetic;
 mod threads;
 mod track;
+mod values;
 
 use pyo3::prelude::*;
 
@@ -56,7 +61,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<classes::PyModel>()?;
     module.add_class::<options::PyOptions>()?;
     module.add_function(wrap_pyfunction!(options::default_options, module)?)?;
-    module.add_function(wrap_pyfunction!(batch::estimate_batch, module)?)?;
+    module.add_class::<models::PyModels>()?;
+    module.add_class::<batch::PyEstimator>()?;
+    module.add_class::<batch::PyAnswers>()?;
     module.add_function(wrap_pyfunction!(frame::solve_frame, module)?)?;
     module.add_function(wrap_pyfunction!(frame::camera_state, module)?)?;
     module.add_function(wrap_pyfunction!(frame::default_frame_priors, module)?)?;

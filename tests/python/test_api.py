@@ -21,8 +21,8 @@ from groundpose.poses import ResultFields
 def test_public_names_are_the_promised_ones():
     promised = (
         "Alternatives Calibration Camera CameraProfile CameraState ClassSize Crossing CrossingCounter "
-        "Detector EstimatedView Flow FramePriors InputError Known Lane Line Network Options Pipeline "
-        "Pose PoseBatch SeenVehicles ShapeModel Sightings SizePrior TrackOptions Tracker Tracks "
+        "Detector EstimatedView Estimator Flow FramePriors InputError Known Lane Line Network Options "
+        "Pipeline Pose PoseBatch SeenVehicles ShapeModel Sightings SizePrior TrackOptions Tracker Tracks "
         "TrafficSummary VehiclePoses View World __version__ build_info calibrate estimate_poses "
         "region_radius2"
     )

@@ -22,9 +22,11 @@ def test_stubs_have_the_names_and_signatures_of_the_module(tmp_path):
 
 
 def test_results_of_the_core_are_the_fields_of_the_batch():
-    batch = np.zeros((2, 24, 2))
-    out = _core.estimate_batch(VIEW._handle, batch, None, None, [MODEL._handle], None, _core.Options(), 1)
-    assert set(out) == set(ARRAYS) - {"ok"}
+    estimator = _core.Estimator(VIEW._handle, _core.Models.of(MODEL), _core.Options(), threads=1)
+    answers = estimator.estimate(np.zeros((2, 24, 2)))
+    assert set(answers.names) == (set(ARRAYS) - {"ok"}) | {"keypoints_2d", "bboxes"}
+    assert all(len(answers.array(name)) == 2 for name in answers.names)
+    assert answers.array("ok") is None
 
 
 def test_types_of_attributes_are_those_of_the_stubs():

@@ -32,12 +32,13 @@ def core_model(
 def estimate(
     view: RefView, pixels: Array, bbox: Array, model: _core.Model, threshold: float, **options: Any
 ) -> dict[str, Any]:
-    """`estimate_batch` of one object; its values without the leading axis, `status` by name."""
+    """The answer for one object; its values without the leading axis, `status` by name."""
     fields = _core.Options(**options)
     thresholds = np.array([threshold])
-    args = (core_view(view), np.ascontiguousarray(pixels)[None], None, np.ascontiguousarray(bbox)[None])
-    batch = _core.estimate_batch(*args, [model], thresholds, fields, 1)
-    one = {key: value[0] for key, value in batch.items()}
+    estimator = _core.Estimator(core_view(view), _core.Models.of(model), fields, thresholds, 1)
+    answers = estimator.estimate(np.ascontiguousarray(pixels)[None], np.ascontiguousarray(bbox)[None])
+    assert answers is not None
+    one = {name: answers.array(name)[0] for name in answers.names}
     return one | {"status": _core.STATUS[one["status"]]}
 
 

@@ -63,8 +63,11 @@ def of_images(work: ImageWork, kept: KeptPoses | None) -> Iterator[Followed | In
     if kept is not None:
         work.finished = kept.numbers
     for number, (shot, result) in enumerate(work.with_shots()):
-        if isinstance(shot, InputError) or isinstance(result, InputError):
-            yield shot if isinstance(shot, InputError) else result
+        if isinstance(shot, InputError):
+            yield shot
+            continue
+        if isinstance(result, InputError):
+            yield result
             continue
         image, path = shot.image, shot.path if shot.image is None else None
         if result is None:  # an interrupted run has found it

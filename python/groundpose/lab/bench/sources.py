@@ -149,13 +149,17 @@ def _direct(module: Any) -> Timed:
         c = scenes.camera
         camera = module.Camera(c.fx, c.fy, c.cx, c.cy, None, c.image_size)
         view = module.View(camera, scenes.view.pitch, 0.0, None)
-        models = [module.Model(m.keypoints_3d, m.bbox_3d, m.basis, m.eigenvalues) for m in scenes.models]
-        data = (scenes.keypoints_2d, None, scenes.bboxes, models, scenes.inlier_threshold)
+        models = tuple(module.Model(m.keypoints_3d, m.bbox_3d, m.basis, m.eigenvalues) for m in scenes.models)
         options = module.Options(**module.default_options())
-        answer: dict[str, Any] = {}
-        seconds = clocked(lambda: answer.update(module.estimate_batch(view, *data, options, 1)))
+        answers: list[Any] = []
+
+        def call() -> None:
+            made = module.Estimator(view, module.Models.of(models), options, scenes.inlier_threshold, 1)
+            answers.append(made.estimate(scenes.keypoints_2d, scenes.bboxes))
+
+        seconds = clocked(call)
         expected = DEFAULT.poses(scenes)
-        if not np.allclose(answer["t"], expected.t, equal_nan=True, rtol=1e-6):
+        if not np.allclose(answers[0].array("t"), expected.t, equal_nan=True, rtol=1e-6):
             raise AssertionError("two builds of the core give two answers")
         return seconds
 

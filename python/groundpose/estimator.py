@@ -1,0 +1,192 @@
+"""`Estimator`: what is the same for many images, checked once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from groundpose import _core
+from groundpose._checks import number, type_error
+from groundpose._checks import threads as checked_threads
+from groundpose._given import Boxes, Given, Keypoints, Models, checked_models
+from groundpose._value import Value
+from groundpose.camera_state import CameraState
+from groundpose.frame import FramePriors
+from groundpose.options import Options
+from groundpose.poses import PoseBatch
+from groundpose.road import check_frame, estimate_frame
+from groundpose.shape import ShapeModel
+from groundpose.types import View
+
+DEFAULT_OPTIONS = Options()
+_NO_COVARIANCE = np.full((2, 2), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Estimator(Value):
+    """Estimates the poses of one image after the other with the same view, models and options.
+
+    It gives the answers of `estimate_poses`, to the bit, and keeps between its calls what those of
+    `estimate_poses` make anew: checked options, models, memory of the solver. It may be called from several
+    threads at once, copied and pickled.
+
+    Args:
+        view: camera and its tilt against the ground.
+        models: one model for all objects, or several: one for each object in order, or those that
+            `model_indices` of a call chooses from.
+        options: see `Options`.
+        threads, frame_tilt_sigma, frame: see `estimate_poses`. A `CameraState` goes on learning; a deep copy
+            of the estimator has its own.
+
+    Raises:
+        InputError: a number that cannot be. TypeError: an argument of the wrong type.
+
+    >>> view = View(Camera(fx=1000, fy=1000, cx=640, cy=360), pitch=0.01)
+    >>> model = ShapeModel([[-0.9, -1.5, -2.2], [0.9, 0.0, 2.2], [0.9, -0.7, 2.2]])
+    >>> estimator = Estimator(view, model)
+    >>> len(estimator([], None))
+    0
+    """
+
+    view: View
+    models: Models
+    options: Options = DEFAULT_OPTIONS
+    threads: int | None = None
+    frame_tilt_sigma: float | None = None
+    frame: FramePriors | CameraState | None = None
+    _core: _core.Estimator = field(init=False, repr=False)
+    _alone: Estimator | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check what is kept."""
+        if not isinstance(self.view, View):
+            raise type_error("view", "a View", self.view)
+        if not isinstance(self.options, Options):
+            raise type_error("options", "Options", self.options)
+        alone, frame, several = None, self.frame, checked_models(self.models)
+        if frame is not None:
+            check_frame(frame, self.frame_tilt_sigma, self.options.covariance)
+            alone = Estimator(self.view, _sized(frame, self.models), self.options, self.threads)
+        models: Models = self.models if isinstance(self.models, ShapeModel) else several
+        sigma = self.frame_tilt_sigma
+        sigma = None if sigma is None else number("frame_tilt_sigma", sigma)
+        threads = checked_threads(self.threads) or 0
+        made = _core.Estimator(
+            self.view._handle,
+            _core.Models.of(models),
+            self.options._handle,
+            self.options._thresholds,
+            threads,
+            sigma,
+        )
+        self._set(models=models, frame_tilt_sigma=sigma, _core=made, _alone=alone)
+
+    def __call__(
+        self,
+        keypoints_2d: Keypoints,
+        bboxes: Boxes = None,
+        keypoint_scores: ArrayLike | Sequence[ArrayLike] | None = None,
+        model_indices: ArrayLike | None = None,
+        vehicle_probability: ArrayLike | None = None,
+        viewing_angle_probabilities: ArrayLike | None = None,
+    ) -> PoseBatch:
+        """The pose (and shape) of every object of one image.
+
+        Args:
+            keypoints_2d: (N, P, 2) pixels, or a list; see `estimate_poses`, as for all that is not here.
+            bboxes: (N, 4) pixels, or a list; None: no boxes at all.
+            keypoint_scores: (N, P), or a list.
+            model_indices: (N,) which of `models` each object has; an array `keypoints_2d` is then as wide as
+                the largest of `models`. None: the only one, or each object the one of its place.
+            vehicle_probability: (N,).
+            viewing_angle_probabilities: (N, 16).
+
+        Raises:
+            InputError: an argument of the wrong shape or length. TypeError: of the wrong type.
+        """
+        given = Given(
+            keypoints_2d,
+            bboxes,
+            keypoint_scores,
+            model_indices,
+            vehicle_probability,
+            viewing_angle_probabilities,
+        )
+        alone = self._alone
+        if alone is not None and self.frame is not None:
+            return estimate_frame(self.view, self.frame, lambda seen: replace(alone, view=seen)(*given))
+        answers = self._core.estimate(*given)
+        if answers is None:
+            given = given.converted(self.models, self.options._thresholds).with_what_is_said()
+            answers = self._core.estimate(*given)
+            assert answers is not None, "what was converted can be read"
+        return _batch(self, answers, given.model_indices)
+
+
+def _sized(frame: FramePriors | CameraState, models: Models) -> Models:
+    """Models with the sizes of their classes."""
+    return (frame.priors if isinstance(frame, CameraState) else frame).sized(models)
+
+
+def _batch(estimator: Estimator, answers: _core.Answers, model_indices: Any) -> PoseBatch:
+    """The result, whose arrays are made when they are asked for."""
+    view, dof = estimator.view, estimator.options.keypoint_error_dof
+    known = {"nominal_view": view, "error_dof": np.inf if dof is None else dof}
+    tilt = answers.tilt
+    if tilt is not None:
+        pitch, roll, known["tilt_covariance"] = tilt
+        view = replace(view, pitch=pitch, roll=roll)
+    known["view"] = view
+    return PoseBatch._later(known, _Fields(answers, estimator, model_indices))
+
+
+class _Fields:
+    """Makes the other fields of a `PoseBatch` by name."""
+
+    __slots__ = ("answers", "estimator", "model_indices")
+
+    def __init__(self, answers: _core.Answers, estimator: Estimator, model_indices: Any) -> None:
+        """Of the core's answers to a call."""
+        self.answers, self.estimator, self.model_indices = answers, estimator, model_indices
+
+    def __call__(self, name: str) -> Any:
+        """The field's value."""
+        made = _MADE.get(name)
+        return self.answers.array(name) if made is None else made(self)
+
+    def models(self) -> tuple[ShapeModel, ...]:
+        """One for each object."""
+        models = self.estimator.models
+        if isinstance(models, ShapeModel):
+            return (models,) * len(self.answers)
+        if self.model_indices is None:
+            return tuple(models)
+        return tuple(models[i] for i in self.model_indices.tolist())
+
+    def sigma(self) -> Any:
+        """Of the nominal tilt."""
+        sigma = self.estimator.frame_tilt_sigma
+        return np.full(2, np.nan if sigma is None else sigma)
+
+
+def _in_words(name: str, words: list[str]) -> Any:
+    """The core counts, people read."""
+    table = np.array(words)
+    return lambda fields: table[fields.answers.array(name)]
+
+
+# What the core does not have as it stands in a `PoseBatch`.
+_MADE = {
+    "status": _in_words("status", _core.STATUS),
+    "stop_reason": _in_words("stop_reason", _core.STOP_REASONS),
+    "solver": _in_words("solver", _core.SOLVERS),
+    "ok": lambda fields: fields.answers.array("status") == 0,
+    "models": _Fields.models,
+    "nominal_tilt_sigma": _Fields.sigma,
+    "tilt_covariance": lambda _: _NO_COVARIANCE.copy(),
+    "scale_covariance": lambda fields: np.zeros((len(fields.answers), fields.answers.modes + 1)),
+}

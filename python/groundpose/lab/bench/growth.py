@@ -1,0 +1,110 @@
+"""How time and memory of a call grow with its size: `python -m groundpose.lab.bench.growth`.
+
+Every size is measured in a process of its own, so that memory is what the system says of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.progress import track
+
+import groundpose as gp
+from groundpose._writing import whole_file
+from groundpose.lab.contenders.objects import Objects
+from groundpose.lab.evaluate import report
+from groundpose.lab.evaluate.scenes import generate
+
+OBJECTS = (1, 10, 100, 1_000, 10_000, 100_000, 1_000_000)
+KEYPOINTS = (8, 14, 28, 66, 300, 1000)
+THREADS = (1, 2)
+DISTINCT = 1000
+"""Different objects; larger batches repeat them."""
+SECONDS = 2.0
+"""Short calls are repeated for so long; the fastest counts."""
+
+
+def scenes(objects: int, keypoints: int | None) -> Objects:
+    """V1's vehicles, or objects of one number of keypoints."""
+    distinct = min(objects, DISTINCT)
+    if keypoints is None:
+        return generate("vehicle", distinct, seed=0)
+    return generate("cube", distinct, seed=0, n_points=keypoints, outlier_ratio=0.25)
+
+
+def measured(objects: int, keypoints: int | None, threads: int) -> dict[str, Any]:
+    """Microseconds and bytes per object of one call; bytes beyond what was given, before and after all fields
+    were asked for."""
+    found = scenes(objects, keypoints)
+    rows = np.arange(objects) % len(found.models)
+    points, boxes = found.keypoints_2d[rows], found.bboxes[rows]
+    models = tuple(found.models[k] for k in rows.tolist())
+
+    def call() -> gp.PoseBatch:
+        return gp.estimate_poses(found.view, points, boxes, models, threads=threads)
+
+    gp.estimate_poses(found.view, points[:20], boxes[:20], models[:20], threads=threads)
+    before, fastest, began = _resident(), np.inf, time.perf_counter()
+    while True:
+        start = time.perf_counter()
+        poses = call()
+        fastest = min(fastest, time.perf_counter() - start)
+        if time.perf_counter() - began > SECONDS:
+            break
+        del poses
+    held = _resident() - before
+    vars(poses)
+    return {
+        "objects": objects,
+        "keypoints": points.shape[1],
+        "threads": threads,
+        "us per object": 1e6 * fastest / objects,
+        "bytes per object": held / objects,
+        "bytes per object, all fields": (_resident() - before) / objects,
+    }
+
+
+def _resident() -> int:
+    """Bytes of this process in memory."""
+    text = Path("/proc/self/status").read_text(encoding="ascii")
+    return 1024 * int(next(line.split()[1] for line in text.splitlines() if line.startswith("VmRSS")))
+
+
+def sizes(quick: bool) -> list[tuple[int, int | None, int]]:
+    """Objects, keypoints (None: V1's vehicles) and threads of each measurement."""
+    counts = OBJECTS[:4] if quick else OBJECTS
+    widths = KEYPOINTS[:2] if quick else KEYPOINTS
+    by_objects = [(n, None, threads) for n in counts for threads in THREADS]
+    return [*by_objects, *((100 if quick else 1000, p, 1) for p in widths)]
+
+
+def main() -> None:
+    """Measure, and write one file."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="few objects: whether it runs")
+    parser.add_argument("-o", "--out", type=Path, default=Path("results/growth.json"))
+    parser.add_argument("--one", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.one:
+        print(json.dumps(measured(*json.loads(asked.one))))
+        return
+    command = [sys.executable, "-m", "groundpose.lab.bench.growth", "--one"]
+    rows = []
+    for size in track(sizes(asked.quick), "growth", transient=True):
+        done = subprocess.run([*command, json.dumps(size)], capture_output=True, text=True, check=True)
+        rows.append(json.loads(done.stdout))
+    content = {"machine": report.machine(), "versions": report.versions(), "rows": rows}
+    with whole_file(asked.out, "w") as file:
+        json.dump(content, file, indent=1)
+    print(f"{len(rows)} sizes: {asked.out.resolve()}")
+
+
+if __name__ == "__main__":
+    main()
