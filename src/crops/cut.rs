@@ -21,6 +21,10 @@ const BLOCK: usize = 32;
 type Pixel = [i32; READ];
 
 /// What cutting needs beside its input, kept from one crop to the next.
+///
+/// ```
+/// let scratch = groundpose::crops::cut::Scratch::default();
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     across: Taps,
@@ -72,6 +76,19 @@ impl Side {
 /// triangle filter over what a pixel of the crop covers, enlarging interpolates linearly. Outside there is [`FILL`].
 /// The window is finite, at most 1e9 from the origin, and its right and bottom are at least its left and top.
 /// Time and memory grow with how differently its two sides are shrunk: windows should have about the crop's shape.
+///
+/// ```
+/// use groundpose::crops::cut::{Scratch, cut};
+/// use groundpose::crops::picture::{FILL, Rows};
+///
+/// let grey = [128; 40 * 30 * 3];
+/// let picture = Rows::new(&grey, 40).expect("whole rows");
+/// let (mut crop, mut scratch) = ([0; 8 * 6 * 3], Scratch::default());
+/// cut(&picture, [4.0, 3.0, 20.0, 15.0], 8, &mut crop, &mut scratch);
+/// assert!(crop.iter().all(|&byte| byte == 128));
+/// cut(&picture, [100.0, 3.0, 116.0, 15.0], 8, &mut crop, &mut scratch);
+/// assert_eq!(crop[..3], FILL);
+/// ```
 pub fn cut(picture: &impl Picture, window: [f64; 4], width: usize, out: &mut [u8], scratch: &mut Scratch) {
     let height = out.len() / (width * CHANNELS);
     let [left, top, right, bottom] = window.map(|side| side + 0.5);

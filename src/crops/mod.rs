@@ -2,4 +2,4 @@
 
 pub mod cut;
 pub mod picture;
-pub mod taps;
+pub(crate) mod taps;

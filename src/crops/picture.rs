@@ -1,11 +1,41 @@
 //! Pictures of bytes, wherever they lie in memory.
 
 /// Bytes of a pixel: red, green, blue.
+///
+/// ```
+/// assert_eq!(groundpose::crops::picture::CHANNELS, 3);
+/// ```
 pub const CHANNELS: usize = 3;
 /// Colour of what lies outside a picture; the normalisation of the networks turns it to nearly zero.
+///
+/// ```
+/// use groundpose::crops::picture::{CHANNELS, FILL};
+///
+/// assert_eq!(FILL.len(), CHANNELS);
+/// ```
 pub const FILL: [u8; CHANNELS] = [124, 116, 104];
 
 /// A picture, row by row.
+///
+/// ```
+/// use groundpose::crops::picture::{CHANNELS, Picture};
+///
+/// /// All of one colour, without a byte in memory.
+/// struct Wall([u8; CHANNELS]);
+///
+/// impl Picture for Wall {
+///     fn size(&self) -> [usize; 2] {
+///         [640, 480]
+///     }
+///     fn row(&self, _: usize) -> Option<&[u8]> {
+///         None
+///     }
+///     fn pixel(&self, _: usize, _: usize) -> [u8; CHANNELS] {
+///         self.0
+///     }
+/// }
+/// assert_eq!(Wall([9; 3]).pixel(3, 4), [9; 3]);
+/// ```
 pub trait Picture: Sync {
     /// Pixels of a row, and rows.
     fn size(&self) -> [usize; 2];
@@ -18,6 +48,15 @@ pub trait Picture: Sync {
 }
 
 /// Rows that follow each other without gaps.
+///
+/// ```
+/// use groundpose::crops::picture::{Picture, Rows};
+///
+/// let bytes = [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3];
+/// let picture = Rows::new(&bytes, 2).expect("two rows of two pixels");
+/// assert_eq!((picture.size(), picture.pixel(1, 1)), ([2, 2], [3; 3]));
+/// assert!(Rows::new(&bytes, 3).is_none());
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Rows<'a> {
     bytes: &'a [u8],

@@ -212,11 +212,11 @@ impl Workspace for GrowingWorkspace {
 }
 
 /// Workspaces that are kept between batches, one for each that runs at a time.
-#[cfg(feature = "rayon")]
+#[cfg(feature = "python")]
 #[derive(Default)]
 pub(crate) struct Workspaces(std::sync::Mutex<Vec<GrowingWorkspace>>);
 
-#[cfg(feature = "rayon")]
+#[cfg(feature = "python")]
 impl Workspaces {
     /// Lends one for a while. A child forked while another thread held the lock does not wait for it.
     pub(crate) fn lend<R>(&self, work: impl FnOnce(&mut GrowingWorkspace) -> R) -> R {
