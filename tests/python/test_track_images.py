@@ -129,7 +129,7 @@ class Counting:
     """Counts the images that a pipeline looks at; at `last` it is interrupted."""
 
     def __init__(self, monkeypatch, last=None):
-        self.count, call = 0, gp.Pipeline.__call__
+        self.count, call = 0, gp.Pipeline.solve
 
         def counted(pipeline, *args, **more):
             if self.count == last:
@@ -137,7 +137,7 @@ class Counting:
             self.count += 1
             return call(pipeline, *args, **more)
 
-        monkeypatch.setattr(gp.Pipeline, "__call__", counted)
+        monkeypatch.setattr(gp.Pipeline, "solve", counted)
 
 
 def hidden(folder):
@@ -175,13 +175,13 @@ def test_a_killed_run_goes_on_to_the_same_rows(street, network):
     assert run(*given, whole).exit_code == 0
     killed = f"""
 import os, groundpose as gp
-call, count = gp.Pipeline.__call__, [0]
+call, count = gp.Pipeline.solve, [0]
 def counted(*args, **more):
     count[0] += 1
     if count[0] > 11:
         os._exit(9)
     return call(*args, **more)
-gp.Pipeline.__call__ = counted
+gp.Pipeline.solve = counted
 from groundpose.cli.main import app
 app({["track", *given, str(out)]!r})
 """
