@@ -6,3 +6,4 @@ pub(crate) mod blocks;
 pub(crate) mod dispatch;
 pub(crate) mod lanes;
 pub(crate) mod projection;
+pub(crate) mod spread;
