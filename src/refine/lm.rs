@@ -2,7 +2,7 @@
 //! accepted on the true robust cost, priors included.
 
 use crate::refine::kernels::Kernel;
-use crate::refine::normal::{Normal, SolveDamped, State};
+use crate::refine::normal::{Normal, State, solve_damped};
 use crate::refine::objective::Objective;
 use crate::tuning::{
     DAMPING_ACCEPTED, DAMPING_LIMITS, DAMPING_REJECTED, DAMPING_SINGULAR, DAMPING_START, LAST_STEP, MAX_REJECTIONS,
@@ -35,7 +35,7 @@ impl Objective<'_> {
         self.linearise(state, kernel, normal);
         let (mut damping, mut rejections) = (DAMPING_START, 0);
         for iteration in 0..iterations {
-            let Some(step) = self.keypoints.unit.run(SolveDamped { normal, damping }) else {
+            let Some(step) = solve_damped(self.keypoints.unit, normal, damping) else {
                 damping = (damping * DAMPING_SINGULAR).min(DAMPING_LIMITS[1]);
                 rejections += 1;
                 if rejections > MAX_REJECTIONS {

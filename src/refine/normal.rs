@@ -7,7 +7,7 @@ use nalgebra::Vector6;
 
 use crate::geometry::pose::Pose;
 use crate::model::shape_model::MAX_MODES;
-use crate::simd::dispatch::HotLoop;
+use crate::simd::dispatch::{HotLoop, VectorUnit};
 use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
 
 /// Pose and shape coefficients.
@@ -68,9 +68,29 @@ impl<const D: usize> Normal<D> {
 const WIDTH: usize = (6 + MAX_MODES + 1).next_multiple_of(LANES);
 
 /// `-(H + damping diag(H))^-1 gradient`; `None` when the matrix is not positive definite.
-pub(crate) struct SolveDamped<'a, const D: usize> {
-    pub(crate) normal: &'a Normal<D>,
-    pub(crate) damping: f64,
+#[inline]
+pub(crate) fn solve_damped<const D: usize>(unit: VectorUnit, normal: &Normal<D>, damping: f64) -> Option<[f64; D]> {
+    if D > 6 {
+        return unit.run(SolveDamped { normal, damping });
+    }
+    // A pose alone fits into registers, where nothing waits for what was written.
+    let mut h = normal.h;
+    for i in 0..D {
+        h[i][i] += damping * h[i][i];
+    }
+    cholesky(&mut h)?;
+    let mut x = normal.gradient;
+    for g in &mut x {
+        *g = -*g;
+    }
+    solve_cholesky(&h, &mut x);
+    x.iter().all(|x| x.is_finite()).then_some(x)
+}
+
+/// The same by whole vectors.
+struct SolveDamped<'a, const D: usize> {
+    normal: &'a Normal<D>,
+    damping: f64,
 }
 
 impl<const D: usize> HotLoop for SolveDamped<'_, D> {

@@ -149,6 +149,7 @@ impl Search<'_> {
         let n = order.len();
         let mut run = Run::new(self, candidates);
         let mut statistics = RansacStatistics { stop_reason: StopReason::Exhausted, ..Default::default() };
+        let (mut inliers, mut all_missed) = (0, 1.0);
         for (m, &k) in order.iter().enumerate() {
             if m >= self.max_iterations {
                 statistics.stop_reason = StopReason::MaxIterations;
@@ -156,7 +157,13 @@ impl Search<'_> {
             }
             solver.solve([self.visible[k as usize] as usize], &mut |pose| run.score(pose));
             statistics.iterations = m + 1;
-            statistics.confidence = 1.0 - miss_probability(n, run.inliers, m + 1);
+            if run.inliers == inliers {
+                all_missed *= missed(n, inliers, m);
+            } else {
+                inliers = run.inliers;
+                all_missed = miss_probability(n, inliers, m + 1);
+            }
+            statistics.confidence = 1.0 - all_missed;
             if m + 1 >= self.min_draws && m + 1 < n && statistics.confidence >= self.confidence {
                 statistics.stop_reason = StopReason::Confident;
                 break;
@@ -207,10 +214,13 @@ impl Search<'_> {
 
 /// Probability that `draws` without replacement from `n` points miss all `inliers`.
 fn miss_probability(n: usize, inliers: usize, draws: usize) -> f64 {
-    if inliers + draws > n {
-        return if inliers > 0 { 0.0 } else { 1.0 };
-    }
-    (0..draws).map(|j| (n - inliers - j) as f64 / (n - j) as f64).product()
+    (0..draws).map(|earlier| missed(n, inliers, earlier)).product()
+}
+
+/// That one draw misses them when all `earlier` ones have.
+fn missed(n: usize, inliers: usize, earlier: usize) -> f64 {
+    let left = n - earlier;
+    left.saturating_sub(inliers) as f64 / left as f64
 }
 
 /// The state of a search.

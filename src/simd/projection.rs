@@ -139,6 +139,7 @@ fn roots<U: Unit>(unit: U, block: &Block) -> [f64; LANES] {
 }
 
 /// Four points seen from a pose.
+#[derive(Clone, Copy)]
 pub(crate) struct Projected<V> {
     /// Rotated model points.
     pub(crate) p: [V; 3],
@@ -155,6 +156,13 @@ pub(crate) struct Projected<V> {
 }
 
 impl<V: Vector> Projected<V> {
+    /// Room for some.
+    #[inline(always)]
+    pub(crate) fn none(zero: V) -> Self {
+        let p = [zero; 3];
+        Self { p, depth: zero, inverse: zero, a: zero, d: zero, u: zero, v: zero, du: zero, dv: zero }
+    }
+
     #[inline(always)]
     pub(crate) fn new<U: Unit<Vector = V>>(unit: U, camera: &Camera, pose: &Pose, block: &Block) -> Self {
         let t = &pose.t;
