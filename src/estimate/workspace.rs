@@ -62,6 +62,13 @@ pub trait Workspace {
     fn buffers(&mut self, keypoints: usize) -> Option<Buffers<'_>>;
 
     /// The same for a model with so many modes: room to lay them out saves time, no room changes no number.
+    ///
+    /// ```
+    /// use groundpose::{FixedWorkspace, Workspace};
+    ///
+    /// // No heap, no room of its own for modes.
+    /// assert!(FixedWorkspace::<4>::new().buffers_for(4, 5).is_some());
+    /// ```
     fn buffers_for(&mut self, keypoints: usize, _modes: usize) -> Option<Buffers<'_>> {
         self.buffers(keypoints)
     }
