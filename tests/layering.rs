@@ -10,7 +10,7 @@ const ROOMS: [(&str, &[&str]); 13] = [
     ("tuning", &[]),
     ("geometry", &["math", "bbox", "footprint", "lens", "camera", "view", "pose", "local_view"]),
     ("model", &["shape_model", "observation"]),
-    ("simd", &["lanes", "avx", "dispatch", "blocks", "projection"]),
+    ("simd", &["lanes", "avx", "neon", "dispatch", "blocks", "projection", "spread"]),
     ("crops", &["picture", "taps", "cut"]),
     ("minimal", &["p1p", "p1p_height", "up2p", "p3p"]),
     ("search", &["score", "sampler", "ransac", "noise", "false_alarms"]),

@@ -14,7 +14,8 @@ use crate::refine::keypoints::Keypoints;
 use crate::search::noise::NoiseModel;
 use crate::simd::blocks::Block;
 use crate::simd::dispatch::VectorUnit;
-use crate::simd::lanes::LANES;
+use crate::simd::lanes::{LANES, Lanes};
+use crate::simd::spread::Furthest;
 use crate::tuning::{COLLAPSED, EXTENT_LEAVES_OUT, NOISE_PER_THRESHOLD};
 
 /// Extent of the model's keypoints, metres, or of those seen, pixels, below which they are one point.
@@ -68,7 +69,8 @@ impl<'a> Object<'a> {
         if count < options.min_keypoints {
             return Err(NoPose::TooFewKeypoints);
         }
-        check_spread(observation, visible)?;
+        let unit = VectorUnit::detect();
+        check_spread(unit, observation, &blocks[..count.div_ceil(LANES)])?;
         let scratch = &mut scratch[..count];
         let inlier_threshold = threshold(observation, options, visible, scratch);
         let area = area(observation, visible, scratch);
@@ -76,7 +78,6 @@ impl<'a> Object<'a> {
         if !square(inlier_threshold).is_normal() || !area.is_normal() {
             return Err(NoPose::Degenerate);
         }
-        let unit = VectorUnit::detect();
         let usable_bbox = view.uncut_bbox(given_bbox(observation));
         let noise = NoiseModel { guess: NOISE_PER_THRESHOLD * inlier_threshold, area };
         let object = Self { unit, options, view, observation, index, usable_bbox, weight_sum, inlier_threshold, noise };
@@ -112,11 +113,12 @@ fn fill(
     indices: &mut [u32],
 ) -> (usize, f64) {
     let visible = (0..observation.keypoints_2d().len()).filter(|&i| observation.is_visible(i));
-    let highest = visible.clone().map(|i| observation.score(i)).fold(0.0, f64::max);
+    let is_weighed = score_weights && observation.has_scores();
+    let highest = if is_weighed { visible.clone().map(|i| observation.score(i)).fold(0.0, f64::max) } else { 1.0 };
     let (mut count, mut weight_sum) = (0, 0.0);
     for i in visible {
         let [x, y, z] = observation.model().mean()[i];
-        let weight = if score_weights { observation.score(i) / highest } else { 1.0 };
+        let weight = if is_weighed { observation.score(i) / highest } else { 1.0 };
         let (block, lane) = (&mut blocks[count / LANES], count % LANES);
         (block.u.0[lane], block.v.0[lane]) = view.camera.centred(observation.keypoints_2d()[i]).into();
         (block.x.0[lane], block.y.0[lane], block.z.0[lane]) = (x, y, z);
@@ -138,15 +140,11 @@ fn fill(
 
 /// One point, or points on one line, in the image or on the model, have no pose; nor have points that are as good as one
 /// beside the 2D box.
-fn check_spread(observation: &Observation, visible: &[u32]) -> Result<(), NoPose> {
-    let pixel = |i: u32| {
-        let [u, v] = observation.keypoints_2d()[i as usize];
-        Vector3::new(u, v, 0.0)
-    };
-    let point = |i: u32| Vector3::from(observation.model().mean()[i as usize]);
+fn check_spread(unit: VectorUnit, observation: &Observation, blocks: &[Block]) -> Result<(), NoPose> {
+    let (pixel, point) = (|b: &Block| [b.u, b.v, Lanes::splat(0.0)], |b: &Block| [b.x, b.y, b.z]);
     let longer_side = observation.bbox().and_then(|bbox| bbox.longer_side()).unwrap_or(0.0);
     let collapsed = SMALLEST_EXTENT.max(COLLAPSED * longer_side);
-    if is_collinear(visible, pixel, collapsed) || is_collinear(visible, point, SMALLEST_EXTENT) {
+    if is_collinear(unit, blocks, pixel, collapsed) || is_collinear(unit, blocks, point, SMALLEST_EXTENT) {
         return Err(NoPose::Degenerate);
     }
     Ok(())
@@ -185,17 +183,17 @@ fn extent(observation: &Observation, visible: &[u32], values: &mut [f64]) -> [f6
     })
 }
 
-/// Whether points are as near to the first as `one_point`, or lie on one line.
-fn is_collinear(indices: &[u32], position: impl Fn(u32) -> Vector3<f64>, one_point: f64) -> bool {
-    let first = position(indices[0]);
-    let (mut axis, mut extent2) = (Vector3::zeros(), 0.0);
-    for &i in indices {
-        let d = position(i) - first;
-        let distance2 = d.norm_squared();
-        if distance2 > extent2 {
-            (axis, extent2) = (d, distance2);
-        }
-    }
-    let limit = square(COLLINEAR * extent2);
-    extent2 <= square(one_point) || indices.iter().all(|&i| (position(i) - first).cross(&axis).norm_squared() <= limit)
+/// Whether points are as near to the first as `one_point`, or lie on one line. Empty lanes repeat the first.
+fn is_collinear(
+    unit: VectorUnit,
+    blocks: &[Block],
+    position: impl Fn(&Block) -> [Lanes; 3] + Copy,
+    one_point: f64,
+) -> bool {
+    let place = |k: usize| Vector3::from(position(&blocks[k / LANES]).map(|numbers| numbers.0[k % LANES]));
+    let (furthest, extent2) = unit.run(Furthest { blocks, position });
+    let first = place(0);
+    let (axis, limit) = (place(furthest) - first, square(COLLINEAR * extent2));
+    let is_on_axis = |k: usize| (place(k) - first).cross(&axis).norm_squared() <= limit;
+    extent2 <= square(one_point) || (0..LANES * blocks.len()).all(is_on_axis)
 }

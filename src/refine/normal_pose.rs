@@ -174,6 +174,9 @@ impl Weighed {
     #[inline(always)]
     fn push<U: Unit>(&mut self, unit: U, q: &Projected<U::Vector>, weight: U::Vector) {
         let bits = (weight - unit.splat(f64::MIN_POSITIVE)).bits_at_least_zero();
+        if bits == 0 {
+            return;
+        }
         let [px, py, pz] = q.p;
         let numbers = [px, py, pz, q.u, q.v, q.inverse, q.du, q.dv, weight];
         if let Some(place) = self.at(self.count) {

@@ -17,6 +17,9 @@ pub(crate) trait HotLoop {
 pub(crate) struct VectorUnit {
     #[cfg(all(feature = "std", target_arch = "x86_64"))]
     arch: pulp::x86::Arch,
+    /// Tests compare the unit with none.
+    #[cfg(all(test, feature = "std", target_arch = "aarch64"))]
+    is_left_out: bool,
 }
 
 impl VectorUnit {
@@ -26,6 +29,8 @@ impl VectorUnit {
         Self {
             #[cfg(all(feature = "std", target_arch = "x86_64"))]
             arch: pulp::x86::Arch::new(),
+            #[cfg(all(test, feature = "std", target_arch = "aarch64"))]
+            is_left_out: false,
         }
     }
 
@@ -38,7 +43,9 @@ impl VectorUnit {
             pulp::x86::Arch::V3(_) => "avx2",
             _ => "baseline",
         };
-        #[cfg(not(target_arch = "x86_64"))]
+        #[cfg(target_arch = "aarch64")]
+        return "neon";
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
         "baseline"
     }
 
@@ -48,6 +55,12 @@ impl VectorUnit {
         use pulp::x86::{Arch, V3, V4};
         let found = [V3::try_new().map(Arch::V3), V4::try_new().map(Arch::V4), Some(Arch::Scalar)];
         found.into_iter().flatten().map(|arch| Self { arch }).collect()
+    }
+
+    /// Every unit of this machine, and none.
+    #[cfg(all(test, feature = "std", target_arch = "aarch64"))]
+    pub(crate) fn all() -> Vec<Self> {
+        [false, true].map(|is_left_out| Self { is_left_out }).to_vec()
     }
 
     /// Runs a loop on this unit.
@@ -68,8 +81,22 @@ impl VectorUnit {
         }
     }
 
-    /// Runs a loop; elsewhere than on x86 the vector unit is part of the architecture or there is none.
-    #[cfg(not(all(feature = "std", target_arch = "x86_64")))]
+    /// Runs a loop on this unit: every machine of 64 bits has it, so the compiler answers the question.
+    #[cfg(all(feature = "std", target_arch = "aarch64"))]
+    #[inline(always)]
+    pub(crate) fn run<H: HotLoop>(self, hot_loop: H) -> H::Output {
+        #[cfg(test)]
+        if self.is_left_out {
+            return hot_loop.run(Portable);
+        }
+        match pulp::core_arch::aarch64::Neon::try_new() {
+            Some(neon) => hot_loop.run(neon),
+            None => hot_loop.run(Portable),
+        }
+    }
+
+    /// Runs a loop; without the standard library the compiler does what it can.
+    #[cfg(not(all(feature = "std", any(target_arch = "x86_64", target_arch = "aarch64"))))]
     #[inline(always)]
     pub(crate) fn run<H: HotLoop>(self, hot_loop: H) -> H::Output {
         hot_loop.run(Portable)

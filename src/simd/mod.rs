@@ -5,4 +5,7 @@ mod avx;
 pub(crate) mod blocks;
 pub(crate) mod dispatch;
 pub(crate) mod lanes;
+#[cfg(all(feature = "std", target_arch = "aarch64"))]
+mod neon;
 pub(crate) mod projection;
+pub(crate) mod spread;

@@ -1,5 +1,5 @@
 //! The same bits on every vector unit of the machine that runs the tests.
-#![cfg(target_arch = "x86_64")]
+#![cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 
 use super::fixture::{Fixture, Random, linearised};
 use crate::geometry::bbox::Bbox;

@@ -30,7 +30,7 @@ def test_public_names_are_the_promised_ones():
     info = gp.build_info()
     assert gp.__version__ == info["version"]
     assert {"std", "rayon"} <= set(info["features"])
-    assert info["vector_unit"] in ("avx512", "avx2", "baseline")
+    assert info["vector_unit"] in ("avx512", "avx2", "neon", "baseline")
     assert issubclass(gp.InputError, ValueError)
 
 
