@@ -25,6 +25,7 @@ from groundpose._checks import FloatArray
 from groundpose.formats.conversions import covariance_at, to_quaternions
 from groundpose.formats.frames import Frame
 from groundpose.formats.kitti.results import bottom_centres
+from groundpose.formats.records import boxes_3d
 from groundpose.poses import PoseBatch
 
 CORNERS = tuple(
@@ -95,9 +96,9 @@ def numbers(poses: PoseBatch) -> dict[str, FloatArray]:
 def corners(poses: PoseBatch) -> FloatArray:
     """(N, 8, 3) metres in the camera frame, the corners of the estimated 3D boxes in the order of `CORNERS`;
     NaN without an answer."""
-    found = np.full((len(poses), 8, 3), np.nan)
+    found, boxes = np.full((len(poses), 8, 3), np.nan), boxes_3d(poses)
     for k in np.flatnonzero(poses.ok):
-        low, high = poses.models[k].stretched_bbox_3d(poses.shape_coefficients[k])
+        low, high = boxes[k]
         found[k] = corners_of(low, high, poses.R[k], poses.t[k])
     return found
 

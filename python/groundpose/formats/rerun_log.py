@@ -19,6 +19,7 @@ from groundpose._checks import FloatArray, input_error
 from groundpose._writing import whole_path
 from groundpose.draw.colours import BOX, INLIER, MISSING, OUTLIER, POSE, POSE_LIGHT, TRUTH
 from groundpose.formats.conversions import to_quaternions
+from groundpose.formats.records import boxes_3d
 from groundpose.poses import PoseBatch
 from groundpose.vehicles.skeleton import skeleton_of
 
@@ -138,7 +139,7 @@ class RerunLog:
 
     def _log_objects(self, poses: PoseBatch, words: list[str]) -> None:
         rr, rows = self._rr, np.flatnonzero(poses.ok).tolist()
-        boxes = [poses.models[k].stretched_bbox_3d(poses.shape_coefficients[k]) for k in rows]
+        boxes = list(boxes_3d(poses)[rows])
         middles = [poses.R[k] @ box.mean(axis=0) + poses.t[k] for k, box in zip(rows, boxes, strict=True)]
         self._log_boxes(
             "boxes", middles, [np.ptp(b, axis=0) for b in boxes], poses.R[rows], POSE, rows, words
