@@ -279,7 +279,7 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         said += [*answer_remarks(self.status.tolist()), *self.view.remarks]
         if np.isfinite(self.tilt_covariance).all():  # the tilt is that of the objects
             return (*said, *estimated_tilt_remarks(self.nominal_view, self.view, self.nominal_tilt_sigma))
-        return (*said, *tilt_remarks(self.view, self.R[self.ok], self.covariance[self.ok]))
+        return (*said, *tilt_remarks(self.view, self.R, self.covariance))
 
     def region(self, level: float = 0.95, dimensions: int = 6) -> float:
         """Squared Mahalanobis distance within which the truth lies with the probability `level`.

@@ -36,13 +36,16 @@ def tilt_remarks(view: View, R: FloatArray, covariance: FloatArray) -> tuple[str
 
     Args:
         view: with the nominal tilt.
-        R: (N, 3, 3) of the objects with a pose.
+        R: (N, 3, 3) of the objects; NaN: without a pose.
         covariance: (N, 6, 6) of their poses; NaN: the objects' own lean alone.
 
     Returns:
         One sentence for each of pitch and roll that is off, or none.
     """
-    down, nominal = R[:, :, 1], view.R_camera_from_ground[:, 1]
+    if len(R) < FEWEST_OBJECTS:
+        return ()
+    posed = np.isfinite(R[:, 0, 0])
+    down, nominal, covariance = R[posed, :, 1], view.R_camera_from_ground[:, 1], covariance[posed]
     if len(down) < FEWEST_OBJECTS:
         return ()
     same = down @ down.T > np.cos(SAME_LEAN)

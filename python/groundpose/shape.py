@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from os import PathLike
 
 import numpy as np
@@ -165,18 +166,24 @@ class ShapeModel(Value):
         """The mean's 3D box for each of n shapes (n, P, 3): (n, 2, 3)."""
         if not self.modes:
             return np.repeat(self.bbox_3d[None], len(points), axis=0)
-        before, fixed = np.ptp(self.keypoints_3d, axis=0), self.bottom_centre
+        before, fixed = self._mean_extent, self.bottom_centre
         factor = np.ones((len(points), 3))
-        np.divide(np.ptp(points, axis=1), before, out=factor, where=before > 0.0)
+        np.divide(points.max(axis=1) - points.min(axis=1), before, out=factor, where=before > 0.0)
         return np.asarray(fixed + factor[:, None] * (self.bbox_3d - fixed))
 
-    @property
+    @cached_property
+    def _mean_extent(self) -> FloatArray:
+        """Of the mean's keypoints along each axis (3,)."""
+        return np.asarray(np.ptp(self.keypoints_3d, axis=0))
+
+    @cached_property
     def bottom_centre(self) -> FloatArray:
-        """Middle (3,), metres, of the bottom face of the 3D box."""
+        """Middle (3,), metres, of the bottom face of the 3D box; read-only."""
         low, high = self.bbox_3d
-        middle = 0.5 * (low + high)
+        middle = np.asarray(0.5 * (low + high))
         middle[1] = high[1]
-        return np.asarray(middle)
+        middle.setflags(write=False)
+        return middle
 
     def _coefficients(self, given: ArrayLike) -> FloatArray:
         coefficients = given if np.size(given) else np.zeros(self.modes)

@@ -214,6 +214,16 @@ def lines_of(*frames: object) -> str:
     return "".join((f if isinstance(f, str) else json.dumps(f)) + "\n" for f in frames)
 
 
+def test_a_view_is_that_of_its_own_line():
+    later = {k: v for k, v in FRAME.items() if k != "models"} | {"pitch_deg": 1.0}
+    frames = list(source(lines_of(FRAME, later, later, {**later, "pitch_deg": True}, FRAME)))
+    assert "f.jsonl:4: pitch_deg: expected a finite number" in str(frames.pop(3))
+    first, second, third, last = frames
+    assert second.view is third.view
+    assert second.view.pitch == pytest.approx(np.radians(1.0))
+    assert last.view == first.view != second.view
+
+
 def test_json_lines_share_models_and_survive_a_bad_line():
     later = {k: v for k, v in FRAME.items() if k != "models"}
     damaged = copy.deepcopy(FRAME)

@@ -94,6 +94,20 @@ def test_boxes(bboxes, kinds):
     assert [remark.partition(":")[0] for remark in box_remarks(bboxes, SIZE)] == kinds
 
 
+@pytest.mark.parametrize(
+    ("bboxes", "kinds"),
+    [
+        (TRUE, []),
+        (np.array([[-1e5, 10.0, 1e20, 40.0]]), []),
+        (np.array([[0.2, 0.3, 0.5, 0.9]]), ["boxes within 0..1"]),
+        (xywh(TRUE), ["boxes with right < left or bottom < top"]),
+        (NAN, []),
+    ],
+)
+def test_boxes_of_an_image_of_unknown_size(bboxes, kinds):
+    assert [remark.partition(":")[0] for remark in box_remarks(bboxes, None)] == kinds
+
+
 def test_answers():
     assert answer_remarks([]) == []
     assert answer_remarks(["ok", "no_consensus"]) == []

@@ -109,6 +109,15 @@ def test_few_objects_and_objects_of_different_opinions_say_nothing() -> None:
     assert tilt_remarks(view, np.empty((0, 3, 3)), np.empty((0, 6, 6))) == ()
 
 
+def test_objects_without_a_pose_have_no_opinion() -> None:
+    R, covariance = leaning(*[20.0] * (FEWEST_OBJECTS + 1))
+    said = tilt_remarks(gp.View(CAMERA), R, covariance)
+    R[0], covariance[0] = np.nan, np.nan
+    assert tilt_remarks(gp.View(CAMERA), R, covariance) == said != ()
+    R[1], covariance[1] = np.nan, np.nan
+    assert tilt_remarks(gp.View(CAMERA), R, covariance) == ()
+
+
 def test_unsure_objects_say_nothing() -> None:
     R, covariance = leaning(*[12.0] * 4)
     assert tilt_remarks(gp.View(CAMERA), R, covariance) != ()

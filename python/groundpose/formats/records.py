@@ -56,9 +56,9 @@ def _fields(poses: PoseBatch) -> list[dict[str, Any]]:
     """The written fields of `Pose` of each object, column by column: a line has hundreds of numbers."""
     sizes = [{"P": len(model.keypoints_3d), "M": model.modes} for model in poses.models]
     padded = any(own != sizes[0] for own in sizes)
-    columns = []
+    columns, arrays = [], vars(poses)
     for name in WRITTEN:
-        column, shape = getattr(poses, name), SHAPES[name]
+        column, shape = arrays[name], SHAPES[name]
         cells = column.tolist()
         if padded and not {"P", "M"}.isdisjoint(shape):
             cells = [_own(cell, shape, size) for cell, size in zip(cells, sizes, strict=True)]
