@@ -180,7 +180,7 @@ def test_every_option_of_the_library_is_one_of_the_command(option, frame, monkey
     """What is typed arrives in `Options`, alone; the rest are defaults."""
     seen = []
     spy = lambda **a: (seen.append((a["options"], a["threads"])), gp.estimate_poses(**a))[1]  # noqa: E731
-    monkeypatch.setattr("groundpose.cli.estimate.estimate_poses", spy)
+    monkeypatch.setattr("groundpose.cli.frames.estimate_poses", spy)
     typed, value = TYPED[option]
     assert run("estimate", frame, *typed.split(), "--threads", 2).exit_code == 0
     assert seen == [(gp.Options(**{option: value}), 2)]
@@ -192,7 +192,7 @@ def test_every_option_of_the_library_is_one_of_the_command(option, frame, monkey
 def test_tilt_can_be_given_by_hand(frame, monkeypatch):
     views = []
     spy = lambda **a: (views.append(a["view"]), gp.estimate_poses(**a))[1]  # noqa: E731
-    monkeypatch.setattr("groundpose.cli.estimate.estimate_poses", spy)
+    monkeypatch.setattr("groundpose.cli.frames.estimate_poses", spy)
     assert run("estimate", frame, "--pitch-deg", "-3").exit_code == 0
     assert run("estimate", frame, "--roll-deg", "2").exit_code == 0
     assert [v.pitch for v in views] == [pytest.approx(np.radians(-3)), pytest.approx(BATCH.view.pitch)]

@@ -208,7 +208,7 @@ def stopped(monkeypatch, after: int, *arguments: object, by=SystemExit(9)):  # n
         return solve(**given)
 
     with monkeypatch.context() as patched:
-        patched.setattr("groundpose.cli.estimate.estimate_poses", stop)
+        patched.setattr("groundpose.cli.frames.estimate_poses", stop)
         return run(*arguments)
 
 

@@ -2,38 +2,27 @@
 
 from __future__ import annotations
 
-import math
-import sys
-from collections.abc import Container, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from groundpose._checks import blamed, input_error, radians
-from groundpose._core import InputError
+from groundpose._checks import input_error, radians
 from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
-from groundpose.cli.crew import split
-from groundpose.cli.destination import FORMATS, Destination, Inputs, chosen_format
-from groundpose.cli.inputs import NetworkFile, is_image, is_several, is_table, stamps
-from groundpose.cli.journal import Settings
+from groundpose.cli.destination import FORMATS, Inputs
+from groundpose.cli.estimate_job import Job
+from groundpose.cli.frames import images_of
+from groundpose.cli.inputs import NetworkFile, is_image, is_table, stamps
 from groundpose.cli.known_camera import profiled_frame, read_profile
 from groundpose.cli.learned import LearnedCamera
 from groundpose.cli.options import takes_options
 from groundpose.cli.output import mistakes, refuse, standard_output
-from groundpose.cli.results import Output, Pictures, Style
-from groundpose.cli.run import Mounting, Result, run
-from groundpose.estimate import estimate_poses
-from groundpose.formats.frames import Frame, FrameSource, named_images
-from groundpose.formats.records import pose_record, tilt_members
+from groundpose.cli.run import Mounting
 from groundpose.frame import FramePriors
 from groundpose.options import Options
-from groundpose.poses import PoseBatch
 from groundpose.sizes import REGIONS, SizePrior
 from groundpose.vehicles.words import class_names
 
@@ -251,9 +240,9 @@ def estimate(
         mounting = Mounting(pitch, roll, height, sigma, frame, learned, None if known is None else known.view)
         files = (boxes, detector, calib, profile, network, learn_camera)
         of_pictures = boxes is not None or detector is not None or is_image(source)
-        named = None if of_pictures and tables is None else partial(_named_images, source, tables is not None)
+        named = None if of_pictures and tables is None else partial(images_of, source, tables is not None)
         read = Inputs(source, tuple(path for path in files if path), named)
-        job = _Job(options, threads, mounting, out, form, draw, strict, read, said)
+        job = Job(options, threads, mounting, out, form, draw, strict, read, said)
         meant = named_classes(classes or [])
         for_files = {
             "boxes": boxes,
@@ -307,177 +296,3 @@ def named_classes(classes: list[str]) -> dict[str, str]:
             refuse(f"--classes: expected NAME=CLASS, got {text!r}")
     pairs = (text.rpartition("=") for text in classes)
     return class_names({name: meant for name, _, meant in pairs}, "--classes")
-
-
-@dataclass(frozen=True)
-class _Job:
-    """What is said of the method and of the results."""
-
-    options: Options
-    threads: int | None
-    mounting: Mounting
-    out: Path | None
-    form: str
-    draw: Path | None
-    strict: bool
-    inputs: Inputs
-    settings: Settings | None
-
-    def images(
-        self,
-        source: Path,
-        boxes: BoxChoice,
-        camera: CameraChoice,
-        network: Path | None,
-        vehicle_threshold: float | None,
-        min_score: float | None,
-        pictures: bool,
-        classes: Mapping[str, str],
-        exif: bool,
-        providers: list[str] | None,
-        topic: str | None,
-    ) -> int:
-        """Estimate images; returns the exit status."""
-        from groundpose.cli.images import STYLE, ImageWork
-        from groundpose.keypoints.network import Network  # with onnxruntime
-        from groundpose.keypoints.pipeline import Pipeline  # with the vehicles' models
-
-        boxes.check(source)
-        crew, each = split(self.threads, is_several(source))
-        pipeline = Pipeline(
-            Network(network, each, providers),
-            options=self.options,
-            threads=self.threads,
-            vehicle_threshold=vehicle_threshold,
-            classes=classes,
-        )
-        least = -math.inf if min_score is None else min_score
-        work = ImageWork(source, boxes, camera, self.mounting, least, pipeline, exif, topic, crew)
-        form = chosen_format(self.form, self.out, images=True)
-        where = Destination.of_images(self.out, form, work.several)
-        drawn = self._pictures(work.several, where.pictures if pictures else None)
-        return run(work, Output(where, form, self.inputs, STYLE, self.settings), drawn, self.strict)
-
-    def tables(
-        self,
-        source: Path,
-        for_files: Mapping[str, object],
-        network: Path | None,
-        detector: Path | None,
-        detector_score: float | None,
-        vehicle_threshold: float | None,
-        classes: Mapping[str, str],
-    ) -> int:
-        """Estimate the frames of Parquet files; returns the exit status."""
-        from groundpose.cli.tables import TableWork, style
-        from groundpose.fleet.worker import EstimateFrames  # with the network and the vehicles' models
-
-        _refuse_all(for_files, "is for images in files; tables have it in their rows")
-        estimate = EstimateFrames(
-            network=None if network is None else str(network),
-            detector=None if detector is None else str(detector),
-            detector_score=detector_score,
-            options=self.options,
-            threads=self.threads,
-            vehicle_threshold=vehicle_threshold,
-            classes=classes,
-            folder=str(source if source.is_dir() else source.parent),
-        )
-        work = TableWork(source, estimate, self.mounting)
-        form = chosen_format(self.form, self.out, images=False)
-        where = Destination.of_frames(self.out, form, several=True)
-        written = style(self.mounting.frame_sigma is not None)
-        output = Output(where, form, self.inputs, written, self.settings)
-        return run(work, output, self._pictures(several=True), self.strict)
-
-    def frames(self, source: Path, for_images: Mapping[str, object]) -> int:
-        """Estimate frames that have keypoints; returns the exit status."""
-        _refuse_all(for_images, "is for images, which are given with --boxes or --detector")
-        with _open(source) as frames:
-            work = _FrameWork(frames, self.options, self.threads, self.mounting)
-            form = chosen_format(self.form, self.out, images=False)
-            where = Destination.of_frames(self.out, form, frames.several)
-            drawn = self._pictures(frames.several)
-            style = Style(pose_record if self.mounting.frame_sigma is None else _tilted_record)
-            return run(work, Output(where, form, self.inputs, style, self.settings), drawn, self.strict)
-
-    def _pictures(self, several: bool, instead: Path | None = None) -> Pictures | None:
-        path = self.draw or instead
-        return None if path is None else Pictures(path, several, self.inputs)
-
-
-def _refuse_all(given: Mapping[str, object], why: str) -> None:
-    for name, value in given.items():
-        if value is not None:
-            refuse(f"--{name}: {why}")
-
-
-@dataclass
-class _FrameWork:
-    """Frames with keypoints, estimated one after the other."""
-
-    source: FrameSource
-    options: Options
-    threads: int | None
-    mounting: Mounting
-    finished: Container[int] = ()
-    noun = "frames"
-    total = None
-    passed_over = 0
-
-    @property
-    def name(self) -> str:
-        return self.source.name
-
-    @property
-    def several(self) -> bool:
-        return self.source.several
-
-    def __iter__(self) -> Iterator[Result | InputError | None]:
-        for number, frame in enumerate(self.source):
-            if number in self.finished:  # read all the same: later lines know its models
-                yield None
-                continue
-            yield frame if isinstance(frame, InputError) else self._done(frame)
-
-    def _done(self, frame: Frame) -> Result | InputError:
-        try:
-            with blamed(frame.place):
-                tilted = replace(frame, view=self.mounting.of(frame.view))
-                poses = estimate_poses(
-                    **tilted.arguments,
-                    options=self.options,
-                    threads=self.threads,
-                    **self.mounting.arguments(tilted.view),
-                )
-        except InputError as error:
-            return error
-        return Result(tilted, poses)
-
-    def remarks(self) -> list[str]:
-        return self.mounting.remarks()
-
-
-def _tilted_record(frame: Frame, poses: PoseBatch) -> str:
-    """With the tilt of the frame, which was estimated."""
-    return pose_record(frame, poses, tilt_members(poses.view))
-
-
-def _named_images(source: Path, tables: bool) -> list[Path]:
-    """The pictures that frames name; of a pipe nobody can tell before."""
-    if tables:
-        from groundpose.cli import tables as of_tables  # with the network and pyarrow
-
-        return of_tables.named_images(source)
-    return named_images(source) if source.is_file() else []
-
-
-@contextmanager
-def _open(frames: Path) -> Iterator[FrameSource]:
-    if str(frames) == "-":
-        if sys.stdin is None:
-            refuse("standard input is closed; give a file")
-        yield FrameSource(sys.stdin.buffer, "standard input", Path())
-        return
-    with frames.open("rb") as stream:
-        yield FrameSource(stream, str(frames), frames.parent)
