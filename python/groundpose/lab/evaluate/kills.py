@@ -5,6 +5,8 @@ Each command runs in a folder of its own until Ctrl-C, SIGTERM or SIGKILL, in tu
 moment of the time that it takes. After each of the 50 the files of the folder must be whole and no process
 may be left; the same command then goes on. At the end it runs undisturbed, and what it writes must be what
 a run makes that was never interrupted. Needs Linux, which says whose children are left.
+
+`simulate` with its pictures is killed every three seconds besides: whole frames stay, and become more.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +115,24 @@ def run(case: Case, times: int, rng: random.Random) -> dict[str, Any]:
     return found
 
 
+_EVERY = "simulate, killed every 3 s"
+_ROUNDS = 10
+_KILLED = Case(_nothing, "simulate --frames 60 --jobs 2 -o out", "out")
+
+
+def killed_every(seconds: float, times: int) -> dict[str, Any]:
+    """Kill `simulate` so often, each time after so many seconds: the frames after each, and what is half."""
+    found: dict[str, Any] = {"seconds": seconds, "frames": [], "half_files": [], "left_processes": 0}
+    for _ in range(times):
+        finished, left = _interrupted(_KILLED, signal.SIGKILL, seconds)
+        found["left_processes"] += left
+        found["half_files"] += halves(Path(_KILLED.out))
+        found["frames"].append(len(list(Path(_KILLED.out).rglob("image_2/*.*"))))
+        if finished:
+            break
+    return found
+
+
 def _command(case: Case) -> list[str]:
     return [sys.executable, "-m", "groundpose.cli", *case.arguments.split()]
 
@@ -186,17 +207,29 @@ def main() -> None:
     given = parser.parse_args()
     out = given.out.resolve()
     cases = report.read_json(out).get("cases", {})
-    for name, case in CASES.items():
+    jobs: dict[str, tuple[Case, Callable[[Case], dict[str, Any]]]] = {
+        name: (case, lambda case: run(case, given.times, random.Random(given.seed)))
+        for name, case in CASES.items()
+    }
+    jobs[_EVERY] = (_KILLED, lambda _: killed_every(3.0, _ROUNDS))
+    for name, (case, work) in jobs.items():
         if given.only in name:
-            with tempfile.TemporaryDirectory() as folder:
-                os.chdir(folder)
-                cases[name] = {"command": f"groundpose {case.arguments}"}
-                cases[name] |= run(case, given.times, random.Random(given.seed))
-                os.chdir(out.parent)
+            cases[name] = {"command": f"groundpose {case.arguments}", **_in_a_folder(partial(work, case))}
             found = cases[name]
             print(f"{name}: {len(found['half_files'])} half files, {found['left_processes']} processes left")
             out.parent.mkdir(parents=True, exist_ok=True)
             report.write_json(out, {"command": "python -m groundpose.lab.evaluate.kills", "cases": cases})
+
+
+def _in_a_folder(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """In an empty one of its own."""
+    before = Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            return work()
+        finally:
+            os.chdir(before)
 
 
 if __name__ == "__main__":
