@@ -410,6 +410,7 @@ def test_fiftyones_own_classes_take_it(picture):
     np.testing.assert_allclose(np.array(faces[0][:2]) * SIZE, scene().corner_pixels[0, front])
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # mongoengine's own, with a real database
 def test_a_fiftyone_data_set_is_opened_by_fiftyone(tmp_path, picture):
     fo = own("fiftyone")
     try:
