@@ -239,7 +239,7 @@ def extents(pixels: FloatArray, size: tuple[int, int] | None) -> FloatArray:
     boxes = np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1)
     if size is not None:
         boxes = np.clip(boxes, -0.5, np.tile(size, 2) - 0.5)  # pixel centres are whole numbers
-    seen = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
+    seen = np.asarray((boxes[:, 2:] > boxes[:, :2]).all(axis=1))
     return np.where(seen[:, None], boxes, np.nan)
 
 
@@ -277,6 +277,7 @@ def read_scene(root: Field) -> Scene:
         classes=tuple(item.need("model").text() for item in objects),
         status=status,
         shape_coefficients=tuple(_list(item, "shape_coefficients") for item in objects),
+        motion=None,
         **columns,
     )
 

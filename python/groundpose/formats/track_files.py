@@ -241,11 +241,11 @@ def _number(line: Field, name: str) -> float:
 
 
 def _tracks(columns: dict[str, list[Any]], order: dict[float, int]) -> Tracks:
-    def of(*names: str) -> FloatArray:
-        return np.array([columns[name] for name in names], dtype=np.float64).T.reshape(-1, len(names))
-
     def one(name: str) -> FloatArray:
         return np.array(columns[name], dtype=np.float64)
+
+    def of(*names: str) -> FloatArray:
+        return np.stack([one(name) for name in names], axis=1)
 
     heading, spread = np.radians(one("heading_deg")), of("x_sigma", "z_sigma") ** 2
     turned = heading - np.radians(one(_TURN))

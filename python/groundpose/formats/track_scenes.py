@@ -68,7 +68,7 @@ def _scene(now: Tracks, view: View, name: str | int, image: Path | None) -> Scen
     ground, count, heading = view.R_camera_from_ground, len(now), now.seen_from[:, 2]
     places = np.insert(now.seen_from[:, :2], 1, float(view.height or 0.0), axis=1)
     boxes = _boxes(now.size)
-    sized = np.isfinite(boxes).all(axis=(1, 2)).tolist()
+    sized = np.asarray(np.isfinite(boxes).all(axis=(1, 2))).tolist()
     unknown = np.full(count, np.nan)
     made = Scene(
         id=name,
