@@ -457,6 +457,7 @@ def test_nuscenes_boxes_have_velocities_on_the_map_and_are_tracks(street, tables
             np.testing.assert_allclose(box["velocity"], ahead[[0, 2]], atol=1e-5)
             assert box["tracking_name"] == box["detection_name"] == "car"
     classes = own("nuscenes.eval.common.data_classes", "nuscenes-devkit")
+    own("nuscenes.eval.common.config").config_factory("tracking_nips_2019")  # which says what can be tracked
     for module, kind in (("detection", "DetectionBox"), ("tracking", "TrackingBox")):
         made = own(f"nuscenes.eval.{module}.data_classes", "nuscenes-devkit")
         read = classes.EvalBoxes.deserialize(data["results"], getattr(made, kind))
@@ -489,14 +490,17 @@ def test_cvats_cuboids_have_the_numbers_of_the_vehicles(street):
     assert numbers == {"1", "2"}
 
 
+@pytest.mark.filterwarnings("ignore")  # datumaro's own
 def test_datumaro_reads_cvats_images_and_labels(street):
-    """It leaves out cuboids, which no library beside CVAT itself reads."""
-    components = own("datumaro.components.dataset", "datumaro")
-    assert (
-        run("tracks.csv", "a.xml", "--camera", "camera.json", "--images", "pictures/{id}.png").exit_code == 0
-    )
-    read = components.Dataset.import_from("a.xml", "cvat")
+    """It passes over cuboids, which nothing but CVAT itself reads."""
+    data = own("datumaro.components.dataset", "datumaro")
+    Path("pictures").rename("images")  # where it looks for them
+    wanted = ("tracks.csv", "a.xml", "--camera", "camera.json", "--images", "images/{id}.png")
+    assert run(*wanted).exit_code == 0
+    read = data.Dataset.import_from("a.xml", "cvat")
     assert {item.id for item in read} == {f"{k:06d}" for k in range(FRAMES)}
+    labels = next(kind for kind in read.categories().values() if hasattr(kind, "find"))
+    assert labels.find("car")[1].attributes == {"object", "end", "yaw_deg", "probability"}
 
 
 def test_label_studios_own_checker_takes_tracks(street):
