@@ -160,7 +160,9 @@ def test_columns_of_a_map_and_others_change_nothing(tmp_path):
     [
         ("id", "0", "id: expected a whole number from 1"),
         ("id", "1.5", "id: expected a whole number from 1"),
+        ("id", "1e20", "id: expected a whole number from 1"),
         ("x", "far", "x: expected a finite number"),
+        ("x", "1e300", "x: expected a number up to 1e+12"),
         ("time", "", "time: expected a value, got none"),
         ("time", "nan", "time: expected a finite number"),
         ("x_sigma", "-1", "x_sigma: expected a standard deviation from 0"),

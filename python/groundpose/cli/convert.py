@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from groundpose.cli.convert_input import GoodFrames, TrackOptions, scenes_of
+from groundpose.cli.convert_input import GoodFrames, TrackContext, scenes_of
 from groundpose.cli.destination import Inputs, Names
 from groundpose.cli.output import mistakes, refuse, say, show
 from groundpose.formats.neighbours import NEIGHBOURS, Context, Neighbour, neighbour, write_scenes
@@ -98,7 +98,7 @@ def convert(
     with mistakes():
         form = neighbour(out, to)
         Inputs(source, () if camera is None else (camera,)).refuse(out)
-        frames = GoodFrames(source, scenes_of(source, TrackOptions(camera, height, images), form))
+        frames = GoodFrames(source, scenes_of(source, TrackContext(camera, height, images), form))
         context = Context(tables, frame_id, pictures, frames.left_out, failed=frames.not_written)
         if form.one_frame:
             _each(frames, out, form, context)

@@ -24,7 +24,7 @@ Scenes = Callable[[], Iterator[Scene | InputError]]
 
 
 @dataclass(frozen=True)
-class TrackOptions:
+class TrackContext:
     """What rows of tracks do not say: the file of their camera, its height, the names of their pictures."""
 
     camera: Path | None
@@ -55,12 +55,12 @@ class TrackOptions:
         return view
 
 
-def scenes_of(source: Path, options: TrackOptions, form: Neighbour) -> Scenes:
+def scenes_of(source: Path, beside: TrackContext, form: Neighbour) -> Scenes:
     """What reads the frames of `source`. Raises OSError, InputError; exits for options that do not belong."""
     if is_tracks(source):
-        view = options.view(source, form)
-        return lambda: _of_tracks(source, view, options.images)
-    options.refuse_any(source)
+        view = beside.view(source, form)
+        return lambda: _of_tracks(source, view, beside.images)
+    beside.refuse_any(source)
     return lambda: read_scenes(source) if _has_poses(source) else _of_frames(source)
 
 

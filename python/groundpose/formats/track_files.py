@@ -29,6 +29,10 @@ _KNOWN = ("time", "x", "z", "heading_deg", "right", "ahead", _TURN)
 """Numbers that each row has; of the others null or an empty cell is NaN."""
 _SAME = 1e-5
 """Metres within which rounded places are the same."""
+_LARGEST = 1e12
+"""Of all numbers: squares of larger ones may be none."""
+_DIGITS = 18
+"""Of a frame's number; more are a name."""
 _KITTI_WORDS = 17
 _MARK = "heading_deg"
 """A column that no other file of this package has."""
@@ -154,7 +158,8 @@ def _cell(name: str, text: str) -> Any:
     if name == "class":
         return text
     if name == "frame":  # 000012 is a name, 12 a number
-        return int(text) if text.isascii() and text.isdigit() and str(int(text)) == text else text
+        is_number = text.isascii() and text.isdigit() and len(text) <= _DIGITS
+        return int(text) if is_number and str(int(text)) == text else text
     if name == "standing":
         return {"True": True, "False": False}.get(text, text)
     try:
@@ -214,12 +219,15 @@ def _id(line: Field) -> int:
 
 def _whole(given: Field, least: int) -> int:
     value = given.number()
-    return int(value) if value.is_integer() and value >= least else given.fail(f"a whole number from {least}")
+    good = value.is_integer() and least <= value < _LARGEST
+    return int(value) if good else given.fail(f"a whole number from {least}")
 
 
 def _numbers(line: Field) -> dict[str, float]:
     found = {name: _number(line, name) for name in _NUMBERS if name != _TURN or line.get(_TURN) is not None}
     for name, value in found.items():
+        if abs(value) > _LARGEST:
+            line.need(name).fail(f"a number up to {_LARGEST:g}")
         if "_sigma" in name and value < 0.0:
             line.need(name).fail("a standard deviation from 0")
     for name in ("length", "height", "width"):
