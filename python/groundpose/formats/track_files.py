@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from os import PathLike
@@ -29,13 +29,28 @@ _KNOWN = ("time", "x", "z", "heading_deg", "right", "ahead", _TURN)
 """Numbers that each row has; of the others null or an empty cell is NaN."""
 _SAME = 1e-5
 """Metres within which rounded places are the same."""
+_REQUIRED = frozenset(COLUMNS) - {_TURN}
 _LARGEST = 1e12
 """Of all numbers: squares of larger ones may be none."""
 _DIGITS = 18
 """Of a frame's number; more are a name."""
 _KITTI_WORDS = 17
 _MARK = "heading_deg"
-"""A column that no other file of this package has."""
+"""The column by which tracks are known."""
+
+
+def _limits(name: str) -> tuple[float, float, str]:
+    """The least and the largest number of a column, and what is said of others."""
+    if "_sigma" in name:
+        return 0.0, _LARGEST, "a standard deviation from 0"
+    if name in ("length", "height", "width"):
+        return 1e-6, _LARGEST, "metres above 0"
+    if name == "facing_probability":
+        return 0.0, 1.0, "a probability from 0 to 1"
+    return -_LARGEST, _LARGEST, f"a number up to {_LARGEST:g}"
+
+
+_LIMITS = {name: _limits(name) for name in _NUMBERS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +142,7 @@ def _of_csv(path: str | PathLike[str]) -> Iterator[Field | InputError]:
     with regular_file(path).open(encoding="utf-8-sig", errors="surrogateescape", newline="") as stream:
         reader = csv.reader(stream)
         head = next(row for row in reader if "".join(row).strip())
-        _refuse_lacking(set(head), str(path))
+        _refuse_lacking(head, str(path))
         while True:
             try:
                 row = next(reader)
@@ -145,12 +160,11 @@ def _of_csv(path: str | PathLike[str]) -> Iterator[Field | InputError]:
             yield Field({name: _cell(name, text) for name, text in zip(head, row, strict=True)}, place)
 
 
-def _refuse_lacking(given: set[str], place: str) -> None:
-    lacking = [name for name in COLUMNS if name not in given and name != _TURN]
-    if lacking:
-        raise input_error(
-            place, "the columns that groundpose track writes", f"none called {', '.join(lacking)}"
-        )
+def _refuse_lacking(given: Collection[str], place: str) -> None:
+    if _REQUIRED.issubset(given):
+        return
+    lacking = ", ".join(name for name in COLUMNS if name in _REQUIRED and name not in given)
+    raise input_error(place, "the columns that groundpose track writes", f"none called {lacking}")
 
 
 def _cell(name: str, text: str) -> Any:
@@ -182,7 +196,7 @@ class _Rows:
         """One more. Raises InputError naming place and column."""
         if not isinstance(line.value, dict):
             line.fail("an object {...}")
-        _refuse_lacking(set(line.value), line.place)
+        _refuse_lacking(line.value, line.place)
         numbers = _numbers(line)
         number, frame, time = _id(line), line.need("frame").label(), numbers["time"]
         if self._frames.get(time, frame) != frame or self._times.get(frame, time) != time:
@@ -224,17 +238,8 @@ def _whole(given: Field, least: int) -> int:
 
 
 def _numbers(line: Field) -> dict[str, float]:
-    found = {name: _number(line, name) for name in _NUMBERS if name != _TURN or line.get(_TURN) is not None}
-    for name, value in found.items():
-        if abs(value) > _LARGEST:
-            line.need(name).fail(f"a number up to {_LARGEST:g}")
-        if "_sigma" in name and value < 0.0:
-            line.need(name).fail("a standard deviation from 0")
-    for name in ("length", "height", "width"):
-        if found[name] <= 0.0:
-            line.need(name).fail("metres above 0")
-    if not (math.isnan(found["facing_probability"]) or 0.0 <= found["facing_probability"] <= 1.0):
-        line.need("facing_probability").fail("a probability from 0 to 1")
+    given = line.value
+    found = {name: _number(line, name) for name in _NUMBERS if name != _TURN or given.get(_TURN) is not None}
     if _TURN not in found:
         moved = math.hypot(found["x"] - found["right"], found["z"] - found["ahead"])
         if moved > _SAME:  # of several vehicles the turn would follow, of one it does not
@@ -244,8 +249,15 @@ def _numbers(line: Field) -> dict[str, float]:
 
 
 def _number(line: Field, name: str) -> float:
+    low, high, words = _LIMITS[name]
+    value = line.value.get(name)
+    if type(value) is float and low <= value <= high:
+        return value  # the usual case, quickly
     given = line.need(name) if name in _KNOWN else line.get(name)
-    return math.nan if given is None else given.number()
+    if given is None:
+        return math.nan
+    number = given.number()
+    return number if low <= number <= high else given.fail(words)
 
 
 def _tracks(columns: dict[str, list[Any]], order: dict[float, int]) -> Tracks:
