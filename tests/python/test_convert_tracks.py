@@ -251,6 +251,20 @@ def test_vehicles_stand_on_the_ground_before_the_camera_of_that_time(moving):
     assert bool(np.hypot(*last[:2]) > 15.0) is moving
 
 
+def test_scenes_stand_where_kittis_text_of_the_same_run_puts_them(street):
+    table = read_tracks("tracks.csv")
+    text = [row.split() for row in Path("tracks.txt").read_text().splitlines()]
+    kitti = {(int(row[0]), int(row[1])): np.array(row[10:17], dtype=float) for row in text}
+    scenes = list(track_scenes(table.tracks, read_calibration("camera.json"), table.frames))
+    assert len(kitti) == sum(map(len, scenes))
+    for number, scene in enumerate(scenes):
+        for k, vehicle in enumerate(scene.ids):
+            height, width, length, x, y, z, rotation_y = kitti[number, vehicle]
+            np.testing.assert_allclose(scene.size[k], [length, height, width], atol=1e-4)
+            np.testing.assert_allclose(scene.t[k], [x, y, z], atol=1e-4)
+            assert math.sin(scene.yaw[k] - rotation_y - 0.5 * math.pi) == pytest.approx(0.0, abs=1e-4)
+
+
 def test_the_covariance_of_a_scene_is_that_of_the_place_and_the_heading():
     rng = np.random.default_rng(3)
     tracks = TRACKS[True]
