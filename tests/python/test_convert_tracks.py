@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import groundpose as gp
+import mutations
 import numpy as np
 import pytest
 from groundpose.cli.main import app
@@ -219,6 +220,22 @@ def test_files_that_hold_no_tracks_are_refused(tmp_path):
         read_tracks(path)
     with pytest.raises(OSError, match="nothing"):
         read_tracks(tmp_path / "nothing.csv")
+
+
+@pytest.mark.parametrize("text", [csv_text, jsonl_text])
+def test_damaged_files_are_read_or_refused(tmp_path, text):
+    def read(path):
+        table = read_tracks(path)
+        for scene in track_scenes(table.tracks, VIEW, table.frames):
+            assert scene.corner_pixels.shape == (len(scene), 8, 2)
+        for error in table.bad:
+            assert str(error).startswith(f"{path}:")
+
+    kind = mutations.Kind([text(TRACKS[True]).encode()], mutations.text, read)
+    found = mutations.attempt(kind, 100, 5, tmp_path)
+    assert not found.untyped, found.examples
+    assert not found.unnamed, found.examples
+    assert found.read > 50
 
 
 # scenes
