@@ -41,19 +41,26 @@ def drive(k):
     return np.array([[-3.0, 20.0 + 0.8 * k], [8.0 - 0.9 * k, 32.0]]), np.array([0.0, -0.5 * np.pi])
 
 
+def camera_at(k, moving=True):
+    """Where the camera is at frame `k`, right and forward of the first, and how far it has turned: an arc."""
+    turned = TURN * np.arange(k * moving)
+    way = WALK * np.stack([np.sin(turned), np.cos(turned)], axis=1).sum(axis=0)
+    return np.array([*way, k * moving * TURN])
+
+
+def before_camera(k, moving):
+    """`drive` as the camera sees it."""
+    (places, headings), at = drive(k), camera_at(k, moving)
+    s, c = math.sin(at[2]), math.cos(at[2])
+    return (places - at[:2]) @ np.array([[c, s], [-s, c]]), headings - at[2]
+
+
 def followed(moving=False):
     """Tracks of the drive, before a camera that stands or one that moves along an arc."""
     tracker = gp.Tracker(VIEW, gp.TrackOptions(camera_motion="odometry" if moving else "static"))
-    at = np.zeros(3)
     for k in range(FRAMES):
-        places, headings = drive(k)
-        if moving and k:
-            s, c = math.sin(at[2]), math.cos(at[2])
-            at += [s * WALK, c * WALK, TURN]
-        s, c = math.sin(at[2]), math.cos(at[2])
-        now = (places - at[:2]) @ np.array([[c, s], [-s, c]])
         step = (0.0, WALK, TURN) if moving and k else None
-        tracker.update(seen(now, headings - at[2]), STEP * k, step)
+        tracker.update(seen(*before_camera(k, moving)), STEP * k, step)
     return tracker.finish()
 
 
@@ -74,9 +81,9 @@ def made(tmp_path_factory):
     return folder
 
 
-def poses_of(k):
+def poses_of(k, moving=False):
     """A line as `groundpose estimate` writes it."""
-    frame = json.loads(line(f"{k:06d}", *drive(k), time=5.0 + STEP * k))
+    frame = json.loads(line(f"{k:06d}", *before_camera(k, moving), time=5.0 + STEP * k))
     for item in frame["objects"]:
         item |= {"size": [4.3, 1.5, 1.8], "size_sigma": [0.1, 0.1, 0.1]}
     return json.dumps(frame) + "\n"
@@ -369,27 +376,34 @@ def test_mcap_reads_the_table_again(street, source):
         assert "nan" not in said.values()
 
 
-def test_foxgloves_camera_moves_with_the_tracks(tmp_path):
+def test_foxgloves_camera_moves_with_the_odometry(street):
     own("foxglove", "foxglove-sdk")
     reader, decoder = own("mcap.reader", "mcap"), own("mcap_protobuf.decoder", "mcap-protobuf-support")
-    write_scenes(tmp_path / "a.mcap", track_scenes(TRACKS[True], VIEW))
-    places, cameras = {}, {}
-    with (tmp_path / "a.mcap").open("rb") as stream:
+    Path("poses.jsonl").write_text("".join(poses_of(k, moving=True) for k in range(FRAMES)))
+    odometry = [",".join(map(str, camera_at(k))) for k in range(FRAMES)]
+    Path("odometry.csv").write_text("\n".join(["x,z,heading", *odometry]))
+    follow("poses.jsonl", "camera.json", "moved.csv", "--odometry", "odometry.csv")
+    assert run("moved.csv", "a.mcap", "--camera", "camera.json").exit_code == 0
+    table, found = rows("moved.csv"), 0
+    with Path("a.mcap").open("rb") as stream:
         made = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
-        for _, channel, message, said in made.iter_decoded_messages():
-            if channel.topic == "/tf":
-                cameras[message.log_time] = said
-            if channel.topic == "/vehicles":
-                places[message.log_time] = said.entities
-    for time, entities in places.items():
-        turn, at = _turn(cameras[time].rotation), cameras[time].translation
-        for entity in entities:
-            place = entity.cubes[0].pose.position
-            now = TRACKS[True]
-            row = now[(now.id == int(entity.id)) & (np.round(now.time * 1e9) == time)]
-            x, y, _ = turn @ [place.x, place.y, place.z] + [at.x, at.y, at.z]
-            # the frame `ground`: x forward, y left
-            np.testing.assert_allclose([-y, x], row.place[0], atol=1e-6)
+        decoded = [
+            (round(m.log_time * 1e-9, 6), c.topic, said) for _, c, m, said in made.iter_decoded_messages()
+        ]
+    cameras = {time: said for time, topic, said in decoded if topic == "/tf"}
+    for time, said in cameras.items():
+        x, z, _ = camera_at(round((time - 5.0) / STEP))
+        at = said.translation  # of the frame `ground`: x forward, y left
+        np.testing.assert_allclose([-at.y, at.x, at.z], [x, z, VIEW.height], atol=1e-5)
+    for time, topic, said in decoded:
+        for entity in said.entities if topic == "/vehicles" else ():
+            place, at = entity.cubes[0].pose.position, cameras[time].translation
+            turned = _turn(cameras[time].rotation) @ [place.x, place.y, place.z]
+            row = table[time, int(entity.id)]
+            wanted = [float(row["z"]), -float(row["x"]), 0.5 * float(row["height"])]
+            np.testing.assert_allclose(np.add(turned, [at.x, at.y, at.z]), wanted, atol=1e-5)
+            found += 1
+    assert found == len(table) > FRAMES
 
 
 def test_rosbags_reads_the_table_again(street):
