@@ -310,11 +310,11 @@ def test_the_2d_box_is_what_the_picture_shows():
         pixels = CAMERA.image_of(scene.corners)
         for box, points in zip(scene.bboxes, pixels, strict=True):
             low, high = points.min(axis=0), points.max(axis=0)
-            if (high < -0.5).any() or (low > np.array(CAMERA.image_size) - 0.5).any():
+            if (high < 0.0).any() or (low > np.array(CAMERA.image_size) - 1.0).any():
                 assert np.isnan(box).all()
                 continue
-            np.testing.assert_allclose(box[:2], np.maximum(low, -0.5))
-            np.testing.assert_allclose(box[2:], np.minimum(high, np.array(CAMERA.image_size) - 0.5))
+            np.testing.assert_allclose(box[:2], np.maximum(low, 0.0))
+            np.testing.assert_allclose(box[2:], np.minimum(high, np.array(CAMERA.image_size) - 1.0))
 
 
 def without_size(tracks):
@@ -521,8 +521,8 @@ def test_coco_has_the_numbers_of_the_vehicles_and_their_boxes(street):
         row = by_frame[names[item["image_id"]], item["track_id"]]
         np.testing.assert_allclose(item["center_cam"], on_ground(row)[0], atol=1e-5)
         left, top, right, bottom = item["bbox2D_tight"]
-        assert -0.5 <= left < right <= CAMERA.image_size[0] - 0.5
-        assert -0.5 <= top < bottom <= CAMERA.image_size[1] - 0.5
+        assert 0 <= left < right <= CAMERA.image_size[0] - 1
+        assert 0 <= top < bottom <= CAMERA.image_size[1] - 1
     assert len(seen_boxes) > 0.8 * len(table)
 
 

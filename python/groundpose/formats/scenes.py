@@ -238,7 +238,7 @@ def extents(pixels: FloatArray, size: tuple[int, int] | None) -> FloatArray:
     are not all known, and outside the picture."""
     boxes = np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1)
     if size is not None:
-        boxes = np.clip(boxes, -0.5, np.tile(size, 2) - 0.5)  # pixel centres are whole numbers
+        boxes = np.clip(boxes, 0.0, np.tile(size, 2) - 1.0)  # from the first to the last pixel's centre
     seen = np.asarray((boxes[:, 2:] > boxes[:, :2]).all(axis=1))
     return np.where(seen[:, None], boxes, np.nan)
 
