@@ -1,6 +1,6 @@
 # The command line in a container, made of this checkout:
 #   docker build -t groundpose .
-#   docker run --rm -v "$PWD:/data" groundpose estimate street.png --boxes boxes.json --calib camera.json -o poses.jsonl
+#   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD:/data" groundpose estimate street.png --boxes boxes.json --calib camera.json -o poses.jsonl
 # With extras: docker build --build-arg EXTRAS=video,mcap,ros -t groundpose .
 
 FROM rust:1-slim-bookworm AS wheel
@@ -16,7 +16,9 @@ FROM python:3.12-slim-bookworm
 ARG EXTRAS=
 RUN --mount=type=bind,from=wheel,source=/wheels,target=/wheels \
     pip install --no-cache-dir "$(ls /wheels/*.whl)${EXTRAS:+[$EXTRAS]}"
-RUN useradd --create-home --uid 1000 groundpose
+# without a folder of the caller's, results go to one of its own
+RUN useradd --create-home --uid 1000 groundpose \
+    && install --directory --owner=groundpose --group=groundpose /data
 USER groundpose
 ENV MPLCONFIGDIR=/tmp/matplotlib
 WORKDIR /data

@@ -410,6 +410,7 @@ def test_fiftyones_own_classes_take_it(picture):
     np.testing.assert_allclose(np.array(faces[0][:2]) * SIZE, scene().corner_pixels[0, front])
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # mongoengine's own, with a real database
 def test_a_fiftyone_data_set_is_opened_by_fiftyone(tmp_path, picture):
     fo = own("fiftyone")
     try:
@@ -568,10 +569,12 @@ def test_a_file_for_each_frame(lines):
 @pytest.mark.skipif(not bundled().exists(), reason="the bundled network is not there")
 def test_the_code_of_the_page_runs(tmp_path, monkeypatch):
     page = Path(__file__).parents[2] / "docs" / "neighbours.md"
-    first, *others = re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+    first, tracks, *others = re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(first, names)
+    exec(tracks, names)
+    assert json.loads(Path("tracks.coco.json").read_text())["images"]
     assert len(json.loads(Path("street.coco.json").read_text())["annotations"]) == len(names["poses"])
     own("supervision")
     for code in others:

@@ -1,23 +1,17 @@
-"""`groundpose convert`: poses in the formats of other tools."""
+"""`groundpose convert`: poses and tracks in the formats of other tools."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import chain, islice
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from groundpose._checks import input_error
-from groundpose._core import InputError
+from groundpose.cli.convert_input import GoodFrames, TrackContext, scenes_of
 from groundpose.cli.destination import Inputs, Names
-from groundpose.cli.output import complain, mistakes, refuse, say, show
-from groundpose.estimate import estimate_poses
-from groundpose.formats.fields import parse
-from groundpose.formats.frames import FrameSource
+from groundpose.cli.output import mistakes, refuse, say, show
 from groundpose.formats.neighbours import NEIGHBOURS, Context, Neighbour, neighbour, write_scenes
-from groundpose.formats.scenes import Scene, read_scenes
 
 
 def convert(
@@ -25,8 +19,8 @@ def convert(
         Path,
         typer.Argument(
             metavar="INPUT",
-            help="What [bold]groundpose estimate[/bold] wrote (.jsonl), or frames with keypoints, which are "
-            "estimated first.",
+            help="What [bold]groundpose estimate[/bold] wrote (.jsonl), or [bold]groundpose track[/bold] "
+            "(.csv, .jsonl; with [bold]--camera[/bold]), or frames with keypoints, to be estimated first.",
         ),
     ],
     out: Annotated[
@@ -54,8 +48,35 @@ def convert(
     pictures: Annotated[
         bool, typer.Option(help="Whether recordings take the pictures along.", show_default=False)
     ] = True,
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            help="Of tracks: the camera and its tilt, a profile of groundpose calibrate or any camera file.",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            help="Of tracks: height of the camera, of a file that is no profile.",
+            metavar="METRES",
+            show_default=False,
+        ),
+    ] = None,
+    images: Annotated[
+        Path | None,
+        typer.Option(
+            help="Of tracks: the pictures of their frames, with {id} in the name.",
+            metavar="FILES",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Write poses for the next tool: Foxglove, ROS 2 and Autoware, nuScenes, CVAT, Label Studio, FiftyOne ...
+
+    Tracks stand on the ground below the camera; boxes keep their vehicle's
+    number and, where the format has one, its speed.
 
     Exit status: 0 when all went well; 1 when some lines were bad (the
     others are written); 2 when nothing was written.
@@ -63,6 +84,8 @@ def convert(
     [bold]Examples[/bold]
 
       groundpose convert poses.jsonl drive.mcap
+
+      groundpose convert tracks.csv drive.mcap --camera camera.json --images 'frames/{id}.png'
 
       groundpose convert poses.jsonl drive_bag --to ros2 --frame-id camera_optical_link
 
@@ -74,9 +97,9 @@ def convert(
     """
     with mistakes():
         form = neighbour(out, to)
-        Inputs(source).refuse(out)
-        frames = _Frames(source)
-        context = Context(tables, frame_id, pictures, failed=frames.not_written)
+        Inputs(source, () if camera is None else (camera,)).refuse(out)
+        frames = GoodFrames(source, scenes_of(source, TrackContext(camera, height, images), form))
+        context = Context(tables, frame_id, pictures, frames.left_out, failed=frames.not_written)
         if form.one_frame:
             _each(frames, out, form, context)
         else:
@@ -88,7 +111,7 @@ def convert(
     raise typer.Exit(1 if frames.bad else 0)
 
 
-def _each(frames: _Frames, out: Path, form: Neighbour, context: Context) -> None:
+def _each(frames: GoodFrames, out: Path, form: Neighbour, context: Context) -> None:
     """A file for each frame, named by its id."""
     scenes = iter(frames)
     first = list(islice(scenes, 2))
@@ -103,70 +126,3 @@ def _each(frames: _Frames, out: Path, form: Neighbour, context: Context) -> None
         with context.frame(scene):
             write_scenes(path, [scene], form.name, context)
     frames.refuse_none()
-
-
-class _Frames:
-    """The good frames of a file; bad lines are complained about and counted.
-
-    Attributes:
-        count, vehicles, bad: frames, poses, bad lines so far.
-    """
-
-    def __init__(self, source: Path) -> None:
-        self.source = source
-        self.count = self.vehicles = self.bad = 0
-
-    def __iter__(self) -> Iterator[Scene]:
-        """Frames in order. Raises InputError when there is none."""
-        for scene in _scenes(self.source):
-            if isinstance(scene, InputError):
-                self.fail(scene)
-                continue
-            self.count += 1
-            self.vehicles += len(scene.rows)
-            yield scene
-        self.refuse_none()
-
-    def refuse_none(self) -> None:
-        """Raises InputError when no frame was written."""
-        if not self.count:
-            raise input_error(str(self.source), "frames", "none that can be written")
-
-    def not_written(self, scene: Scene, error: InputError) -> None:
-        """One that could not be written."""
-        self.count -= 1
-        self.vehicles -= len(scene.rows)
-        self.fail(error)
-
-    def fail(self, error: InputError) -> None:
-        """One that is bad."""
-        self.bad += 1
-        complain(error)
-
-
-def _scenes(source: Path) -> Iterator[Scene | InputError]:
-    if _has_poses(source):
-        yield from read_scenes(source)
-        return
-    with source.open("rb") as stream:
-        for frame in FrameSource(stream, str(source), source.parent):
-            if isinstance(frame, InputError):
-                yield frame
-                continue
-            try:
-                yield Scene.of_frame(frame, estimate_poses(**frame.arguments))
-            except InputError as error:
-                yield InputError(f"{frame.place}: {error}")
-
-
-def _has_poses(source: Path) -> bool:
-    """Whether a line with an object says the status of its pose."""
-    with source.open("rb") as stream:
-        for raw in stream:
-            try:
-                objects = parse(raw.decode("utf-8", "surrogateescape"), "").value["objects"]
-                first = objects[0]
-            except (InputError, KeyError, TypeError, IndexError):
-                continue
-            return isinstance(first, dict) and "status" in first
-    return False

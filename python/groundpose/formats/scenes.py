@@ -39,6 +39,31 @@ _OPTIONAL = ("bboxes", "scores")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Motion:
+    """How the N vehicles of a frame move, as tracks say it; NaN: not known.
+
+    Attributes:
+        speed, speed_sigma: (N,) m/s along the heading, negative: it reverses.
+        yaw_rate, yaw_rate_sigma: (N,) rad/s, positive to the right.
+        acceleration, acceleration_sigma: (N,) m/s^2 along the heading.
+        standing: (N,) whether it stands still.
+        seen: (N,) whether the frame shows it; else its place is expected by its motion.
+        camera: (3,) where the camera is: metres right and forward of where it was in the first frame, and
+            radians that it has turned to the right.
+    """
+
+    speed: FloatArray
+    speed_sigma: FloatArray
+    yaw_rate: FloatArray
+    yaw_rate_sigma: FloatArray
+    acceleration: FloatArray
+    acceleration_sigma: FloatArray
+    standing: NDArray[np.bool_]
+    seen: NDArray[np.bool_]
+    camera: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
     """The N vehicles of one frame; NaN without an answer.
 
@@ -53,6 +78,7 @@ class Scene:
             turned round.
         covariance: (N, 6, 6) as that of a `PoseBatch`.
         shape_coefficients: N arrays (M,).
+        motion: of tracks; None: the frame is alone.
     """
 
     id: str | int
@@ -72,6 +98,7 @@ class Scene:
     ambiguity: FloatArray
     covariance: FloatArray
     shape_coefficients: tuple[FloatArray, ...]
+    motion: Motion | None = None
 
     def __len__(self) -> int:
         """N."""
@@ -186,11 +213,34 @@ class Scene:
         """(N, 8, 2) pixels of `corners` in the picture; NaN where the camera does not see them."""
         return self.view.camera.image_of(self.corners)
 
+    @property
+    def shown_boxes(self) -> FloatArray:
+        """(N, 4) left, top, right, bottom pixels, what the picture shows of the 3D boxes: the extent of their
+        corners, cut at the picture's border if its size is known; NaN where nothing, or not all in front of
+        the camera, is to be seen."""
+        return extents(self.corner_pixels, self.view.camera.image_size)
+
+    @property
+    def velocity(self) -> FloatArray:
+        """(N, 3) m/s in the camera's axes; NaN without `motion`."""
+        speed = np.full(len(self), np.nan) if self.motion is None else self.motion.speed
+        return np.asarray(self.R[:, :, 2] * speed[:, None])
+
     def image_size(self) -> tuple[int, int]:
         """(width, height) of the picture. Raises InputError when nobody said it."""
         if self.view.camera.image_size is None:
             raise input_error(f"frame {self.id}: camera.image_size", "[width, height]", "none")
         return self.view.camera.image_size
+
+
+def extents(pixels: FloatArray, size: tuple[int, int] | None) -> FloatArray:
+    """Boxes (N, 4) around points (N, P, 2), cut at the border of a picture of `size`; NaN around points that
+    are not all known, and outside the picture."""
+    boxes = np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1)
+    if size is not None:
+        boxes = np.clip(boxes, 0.0, np.tile(size, 2) - 1.0)  # from the first to the last pixel's centre
+    seen = np.asarray((boxes[:, 2:] > boxes[:, :2]).all(axis=1))
+    return np.where(seen[:, None], boxes, np.nan)
 
 
 def read_scenes(path: str | PathLike[str]) -> Iterator[Scene | InputError]:
@@ -227,6 +277,7 @@ def read_scene(root: Field) -> Scene:
         classes=tuple(item.need("model").text() for item in objects),
         status=status,
         shape_coefficients=tuple(_list(item, "shape_coefficients") for item in objects),
+        motion=None,
         **columns,
     )
 

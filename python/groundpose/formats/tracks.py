@@ -1,8 +1,10 @@
 """Tracks as text: a table (CSV), JSON lines, KITTI's tracking format.
 
 The plane is that of the first frame, metres right (`x`) and forward (`z`) of the camera as it stood then;
-angles in degrees from forward to the right. `right` and `ahead` are the same of the camera now. `_sigma` is a
-standard deviation. With a `World` there follow the columns of `World.columns`.
+angles in degrees from forward to the right. `right` and `ahead` are the same of the camera now, which then
+looks into the direction `camera_heading_deg`: 0 unless odometry says that it has turned. `_sigma` is a
+standard deviation. With a `World` there follow the columns of `World.columns`. The table and the lines are
+read by `groundpose.formats.track_files`.
 """
 
 from __future__ import annotations
@@ -41,9 +43,12 @@ COLUMNS = (
     *("facing_probability", "speed_kmh", "speed_sigma_kmh", "yaw_rate_deg", "yaw_rate_sigma_deg"),
     *("acceleration", "acceleration_sigma", "length", "height", "width"),
     *("length_sigma", "height_sigma", "width_sigma", "standing", "right", "ahead"),
+    "camera_heading_deg",
 )
 """Of the table, in order; `object`: which object of the frame it was, empty when it was not seen."""
-_KMH = 3.6
+KMH = 3.6
+_NO_TURN = 1e-12
+"""Radians: what rounding leaves of the difference of two equal headings."""
 _DIGITS = {"latitude": 9, "longitude": 9}
 """After the point; of the others 6."""
 
@@ -59,6 +64,7 @@ def rows(tracks: Tracks, frames: Names | None = None, world: World | None = None
     """Each row by column; None: not known. `frames`: names of frames by their number."""
     place_sigma = tracks.place_sigma
     placed = {} if world is None else world.columns(tracks)
+    camera = np.degrees(camera_headings(tracks))
     for k in range(len(tracks)):
         frame = int(tracks.frame[k])
         index = int(tracks.index[k])
@@ -69,15 +75,22 @@ def rows(tracks: Tracks, frames: Names | None = None, world: World | None = None
             *place_sigma[k].tolist(),
             *(math.degrees(x) for x in (tracks.heading[k], tracks.heading_sigma[k])),
             float(tracks.facing_probability[k]),
-            *(_KMH * float(x) for x in (tracks.speed[k], tracks.speed_sigma[k])),
+            *(KMH * float(x) for x in (tracks.speed[k], tracks.speed_sigma[k])),
             *(math.degrees(x) for x in (tracks.yaw_rate[k], tracks.yaw_rate_sigma[k])),
             *(float(x) for x in (tracks.acceleration[k], tracks.acceleration_sigma[k])),
             *tracks.size[k].tolist(),
             *tracks.size_sigma[k].tolist(),
-            *(bool(tracks.standing[k]), *tracks.seen_from[k, :2].tolist()),
+            *(bool(tracks.standing[k]), *tracks.seen_from[k, :2].tolist(), float(camera[k])),
             *(float(column[k]) for column in placed.values()),
         )
         yield {name: _plain(name, value) for name, value in zip(columns(world), values, strict=True)}
+
+
+def camera_headings(tracks: Tracks) -> FloatArray:
+    """(N,) radians, where the camera looks in the plane of the first frame, at the time of each row."""
+    turned = tracks.heading - tracks.seen_from[:, 2]
+    wrapped = np.arctan2(np.sin(turned), np.cos(turned))
+    return np.where(np.abs(wrapped) < _NO_TURN, 0.0, wrapped)
 
 
 def _plain(name: str, value: Any) -> Any:

@@ -2,7 +2,7 @@
 
 The box's axes there are x forward, y down, z left; `dimensions` are width, height, length; corners go round
 the right side, from the top of the rear, then round the left one. An object without an answer keeps its 2D
-box, with `valid3D` false.
+box, with `valid3D` false. Vehicles of tracks have a `track_id`.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ def _image(scene: Scene, number: int) -> dict[str, Any]:
 
 
 def _annotations(scene: Scene, image: int, context: Context) -> Iterator[dict[str, Any]]:
-    pixels = scene.corner_pixels
+    shown = scene.shown_boxes
     for k, ok in enumerate(scene.ok.tolist()):
-        box = _box(scene.bboxes[k], pixels[k])
+        box = _box(scene.bboxes[k], shown[k])
         if box is None:
             context.left_out["object without a 2D box"] += 1
             continue
@@ -65,15 +65,14 @@ def _annotations(scene: Scene, image: int, context: Context) -> Iterator[dict[st
             **{"image_id": image, "category_name": scene.classes[k] or "vehicle", "iscrowd": 0},
             **{"bbox": [left, top, right - left, bottom - top], "bbox2D_tight": box},
             **{"area": (right - left) * (bottom - top), "valid3D": ok, "object": scene.ids[k]},
+            **({} if scene.motion is None else {"track_id": scene.ids[k]}),
             **(_solid(scene, k) if ok else {"status": scene.status[k]}),
         }
 
 
-def _box(given: FloatArray, pixels: FloatArray) -> list[float] | None:
-    """The given 2D box, with the extent of the 3D box where a side is not known."""
-    if np.isnan(given).any() and not np.isnan(pixels).any():
-        extent = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
-        given = np.where(np.isnan(given), extent, given)
+def _box(given: FloatArray, shown: FloatArray) -> list[float] | None:
+    """The given 2D box, with what the picture shows of the 3D box where a side is not known."""
+    given = np.where(np.isnan(given), shown, given)
     return None if np.isnan(given).any() else [float(x) for x in given]
 
 

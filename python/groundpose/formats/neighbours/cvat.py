@@ -56,10 +56,14 @@ def _add_image(root: ET.Element, number: int, scene: Scene, context: Context) ->
     name = str(scene.id) if scene.image is None else scene.image.name
     size = {"width": str(width), "height": str(height)}
     image = ET.SubElement(root, "image", {"id": str(number), "name": name, **size})
-    pixels, named = scene.corner_pixels, []
+    pixels, shown = scene.corner_pixels, scene.shown_boxes
+    named = []
     for k in scene.rows:
         if np.isnan(pixels[k]).any():
             context.left_out["object that is partly behind the camera"] += 1
+            continue
+        if np.isnan(shown[k]).any():
+            context.left_out["object outside the picture"] += 1
             continue
         named.append(scene.classes[k] or "vehicle")
         points, end = cuboid(scene.corners[k], pixels[k])
@@ -68,7 +72,8 @@ def _add_image(root: ET.Element, number: int, scene: Scene, context: Context) ->
             for name, point in zip(_NAMES, points.tolist(), strict=True)
             for axis, value in zip("xy", point, strict=True)
         }
-        label = {"label": named[-1], "source": "auto", "occluded": "0"}
+        hidden = scene.motion is not None and not scene.motion.seen[k]
+        label = {"label": named[-1], "source": "auto", "occluded": str(int(hidden))}
         shape = ET.SubElement(image, "cuboid", {**label, **edges, "z_order": "0"})
         said = (str(scene.ids[k]), end, f"{np.degrees(scene.yaw[k]):.2f}", f"{score(scene, k):.4f}")
         for attribute, text in zip(_ATTRIBUTES, said, strict=True):

@@ -21,7 +21,8 @@ from groundpose.formats.columns import corner
 from groundpose.formats.conversions import to_body_axes
 from groundpose.formats.extras import extra_package
 from groundpose.formats.neighbours.context import Context, score
-from groundpose.formats.scenes import Scene
+from groundpose.formats.scenes import Motion, Scene
+from groundpose.formats.tracks import KMH
 
 _ROUND = (("bottom", "left"), ("bottom", "right"), ("top", "right"), ("top", "left"))
 _CUBOID = [corner(end, height, side) for end in ("front", "rear") for height, side in _ROUND]
@@ -86,7 +87,14 @@ def _said(scene: Scene, k: int) -> dict[str, Any]:
         "label": scene.classes[k] or "vehicle",
         "confidence": score(scene, k),
         "object": str(scene.ids[k]),
+        **({} if scene.motion is None else _tracked(scene, scene.motion, k)),
     }
+
+
+def _tracked(scene: Scene, motion: Motion, k: int) -> dict[str, Any]:
+    """FiftyOne's `index` says which labels of several samples are one vehicle."""
+    speed = float(KMH * motion.speed[k])
+    return {"index": scene.ids[k], "speed_kmh": speed, "seen": bool(motion.seen[k])}
 
 
 def _solid(fo: Any, scene: Scene, k: int) -> Any:

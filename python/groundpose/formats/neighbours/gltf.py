@@ -27,6 +27,8 @@ from groundpose.vehicles.skeleton import skeleton
 _GLTF_FROM_GROUND = np.diag([1.0, -1.0, -1.0])
 _OPACITY = 96
 _SAME = 1e-6
+_FOREIGN = "shape of a model that does not come with the package"
+_NONE = "shape, which tracks do not have"
 
 
 def write_gltf(scenes: Iterable[Scene], path: Path, context: Context) -> None:
@@ -45,7 +47,7 @@ def write_gltf(scenes: Iterable[Scene], path: Path, context: Context) -> None:
         made.add_geometry(_box(trimesh, scene, k, world), node_name=f"{name} box", geom_name=f"{name} box")
         lines = _lines(trimesh, scene, k, world)
         if lines is None:
-            context.left_out["shape of a model that does not come with the package"] += 1
+            context.left_out[_FOREIGN if scene.motion is None else _NONE] += 1
         else:
             made.add_geometry(lines, node_name=f"{name} shape", geom_name=f"{name} shape")
     binary = path.suffix.lower() != ".gltf"

@@ -1,6 +1,6 @@
 """Recordings for Foxglove and whatever reads MCAP, with the package foxglove-sdk (extra `mcap`).
 
-Topics: `/vehicles` (foxglove.SceneUpdate: cubes with their class, probability and 2D box as metadata),
+Topics: `/vehicles` (foxglove.SceneUpdate: cubes with class, probability and, of tracks, speed as metadata),
 `/camera/annotations` (foxglove.ImageAnnotations: 2D boxes and the edges of the 3D boxes),
 `/camera/calibration` (foxglove.CameraCalibration), `/camera/image` (foxglove.CompressedImage), `/tf`
 (foxglove.FrameTransform: the camera's tilt and height in the frame `ground`, z up).
@@ -24,8 +24,8 @@ from groundpose.formats.columns import CORNERS
 from groundpose.formats.conversions import BODY_FROM_OBJECT, to_body_axes, to_quaternions
 from groundpose.formats.extras import extra_package
 from groundpose.formats.neighbours.context import Context
-from groundpose.formats.scenes import Scene
-from groundpose.types import View
+from groundpose.formats.scenes import Motion, Scene
+from groundpose.formats.tracks import KMH
 
 EDGES = tuple(
     (a, b)
@@ -89,7 +89,7 @@ class _Frame:
         return {"timestamp": self._time, "frame_id": self._context.frame_id}
 
     def _tilt(self) -> Any:
-        R, place = camera_in_ground(self._scene.view)
+        R, place = camera_in_ground(self._scene)
         return self._m.FrameTransform(
             timestamp=self._time,
             parent_frame_id=GROUND,
@@ -128,11 +128,12 @@ class _Frame:
             "ambiguity": f"{scene.ambiguity[k]:.4f}",
             "score": f"{scene.scores[k]:.4f}",
             "frame": str(scene.id),
+            **_motion(scene.motion, k),
         }
         return m.SceneEntity(
             id=str(scene.ids[k]),
             lifetime=m.Duration(0, int(1e9 * _LIFETIME)),
-            metadata=[m.KeyValuePair(key=key, value=value) for key, value in said.items()],
+            metadata=[m.KeyValuePair(key=key, value=value) for key, value in said.items() if value != "nan"],
             cubes=[cube],
             **self._head(),
         )
@@ -181,11 +182,28 @@ FOXGLOVE_LENSES = {"equidistant": "kannala_brandt"}
 """Foxglove's names of lens models that ROS names otherwise."""
 
 
-def camera_in_ground(view: View) -> tuple[FloatArray, FloatArray]:
-    """Rotation (3, 3) and place (3,) of the camera in a frame on the ground below it: x forward, y left, z
-    up; 0 metres high where the height is not known."""
+def camera_in_ground(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Rotation (3, 3) and place (3,) of the camera in a frame on the ground below it (of tracks, below where
+    it was in their first frame): x forward, y left, z up; 0 metres high where the height is not known."""
+    view = scene.view
     height = view.height if view.height is not None and math.isfinite(view.height) else 0.0
-    return BODY_FROM_OBJECT @ view.R_camera_from_ground.T, np.array([0.0, 0.0, height])
+    right, forward, turned = np.zeros(3) if scene.motion is None else scene.motion.camera
+    s, c = math.sin(turned), math.cos(turned)
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return BODY_FROM_OBJECT @ turn @ view.R_camera_from_ground.T, np.array([forward, -right, height])
+
+
+def _motion(motion: Motion | None, k: int) -> dict[str, str]:
+    """What metadata say of the motion of object `k`."""
+    if motion is None:
+        return {}
+    return {
+        "speed_kmh": f"{KMH * motion.speed[k]:.2f}",
+        "speed_sigma_kmh": f"{KMH * motion.speed_sigma[k]:.2f}",
+        "yaw_rate_deg": f"{math.degrees(motion.yaw_rate[k]):.2f}",
+        "standing": str(bool(motion.standing[k])).lower(),
+        "seen": str(bool(motion.seen[k])).lower(),
+    }
 
 
 def _xyz(point: FloatArray) -> dict[str, float]:

@@ -2,7 +2,8 @@
 
 The tables of nuScenes say where the car and its camera were: `Context.tables`, the folder of
 `sample_data.json`, `calibrated_sensor.json` and `ego_pose.json`. Frames are found by the names of their
-pictures. Velocities, which an image does not show, are 0.
+pictures, else by their own. Velocities, which an image does not show, are 0. Boxes of tracks have theirs, and
+are tracking results too.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ class Tables:
     def __init__(self, folder: Path) -> None:
         """Read them. Raises OSError, InputError naming the file."""
         self._folder = folder
-        self._shots = {Path(row.need("filename").text()).name: row for row in self._rows("sample_data")}
+        rows = [(Path(row.need("filename").text()), row) for row in self._rows("sample_data")]
+        self._shots = {path.stem: row for path, row in rows} | {path.name: row for path, row in rows}
         self._cameras = {row.need("token").text(): row for row in self._rows("calibrated_sensor")}
         self._cars = {row.need("token").text(): row for row in self._rows("ego_pose")}
 
@@ -69,9 +71,9 @@ class Tables:
 
         Raises InputError for a picture that the tables do not have.
         """
-        name = "" if scene.image is None else scene.image.name
+        name = str(scene.id) if scene.image is None else scene.image.name
         if name not in self._shots:
-            raise input_error(f"frame {scene.id}: image", f"a picture of {self._folder}", name or "none")
+            raise input_error(f"frame {scene.id}: image", f"a picture of {self._folder}", name)
         shot = self._shots[name]
         R, t = self._place(self._cameras, shot.need("calibrated_sensor_token"))
         R_car, t_car = self._place(self._cars, shot.need("ego_pose_token"))
@@ -85,6 +87,7 @@ class Tables:
 def _boxes(scene: Scene, sample: str, place: Place, context: Context) -> list[dict[str, Any]]:
     R, t = place
     turns = to_quaternions(R @ to_body_axes(scene.R))
+    speeds = np.nan_to_num(scene.velocity @ R.T)
     found = []
     for k in scene.rows:
         name = context.category(scene, k, _CLASSES)
@@ -94,8 +97,15 @@ def _boxes(scene: Scene, sample: str, place: Place, context: Context) -> list[di
         found.append(
             {
                 **{"sample_token": sample, "translation": (R @ scene.centre[k] + t).tolist()},
-                **{"size": [width, length, height], "rotation": turns[k].tolist(), "velocity": [0.0, 0.0]},
-                **{"detection_name": name, "detection_score": score(scene, k), "attribute_name": ""},
+                **{"size": [width, length, height], "rotation": turns[k].tolist()},
+                **{"velocity": speeds[k, :2].tolist(), "attribute_name": ""},
+                **{"detection_name": name, "detection_score": score(scene, k)},
+                **({} if scene.motion is None else _tracked(scene, k, name)),
             }
         )
     return found
+
+
+def _tracked(scene: Scene, k: int, name: str) -> dict[str, Any]:
+    """What makes a box one of nuScenes' tracking results."""
+    return {"tracking_id": str(scene.ids[k]), "tracking_name": name, "tracking_score": score(scene, k)}

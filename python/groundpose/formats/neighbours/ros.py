@@ -2,12 +2,14 @@
 
 Topics: `/detections` (vision_msgs/Detection3DArray), `/objects` (autoware_perception_msgs/DetectedObjects),
 `/camera/camera_info` (sensor_msgs/CameraInfo), `/camera/image/compressed` (sensor_msgs/CompressedImage),
-`/tf` (tf2_msgs/TFMessage: the camera's tilt and height in the frame `ground`). Poses are of the middles of
-the 3D boxes, x forward, y left, z up, in the camera's frame, whose axes are those of ROS's optical frames.
+`/tf` (tf2_msgs/TFMessage: the camera's tilt and height in the frame `ground`) and, of tracks, `/tracks`
+(autoware_perception_msgs/TrackedObjects). Poses are of the middles of the 3D boxes, x forward, y left, z up,
+in the camera's frame, whose axes are those of ROS's optical frames.
 """
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 from collections.abc import Iterable
 from contextlib import suppress
@@ -16,6 +18,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error
 from groundpose._writing import naming
@@ -34,6 +37,8 @@ _TOPICS = {
     "/camera/image/compressed": "sensor_msgs/msg/CompressedImage",
     "/tf": "tf2_msgs/msg/TFMessage",
 }
+_TRACKS = {"/tracks": "autoware_perception_msgs/msg/TrackedObjects"}
+"""Of tracks alone."""
 _LABELS = {"car": 1, "van_bus": 1, "bus": 3, "pickup": 2, "box_truck": 2, "vehicle": 0}
 """Autoware's labels: vans are cars there, pickups trucks, as in nuScenes."""
 SIGN_UNKNOWN_FROM = 0.2
@@ -57,10 +62,13 @@ def write_ros(scenes: Iterable[Scene], path: Path, context: Context) -> None:
             with rosbag2.Writer(part, version=_BAG_VERSION) as bag:
                 topics = {t: bag.add_connection(t, kind, typestore=store) for t, kind in _TOPICS.items()}
                 for number, scene in enumerate(scenes):
+                    if scene.motion is not None and not _TRACKS.keys() <= topics.keys():
+                        topics |= {t: bag.add_connection(t, k, typestore=store) for t, k in _TRACKS.items()}
                     with context.frame(scene):
                         stamp = context.stamp(scene, number)
                         for topic, message in _Frame(store, scene, stamp, context).messages().items():
-                            bag.write(topics[topic], stamp, store.serialize_cdr(message, _TOPICS[topic]))
+                            kind = topics[topic].msgtype
+                            bag.write(topics[topic], stamp, store.serialize_cdr(message, kind))
             _rename_parts(part, path)
             part.rename(path)
     finally:
@@ -95,6 +103,25 @@ def orientation_availability(scene: Scene, k: int) -> int:
     return SIGN_UNKNOWN if scene.ambiguity[k] >= SIGN_UNKNOWN_FROM else AVAILABLE
 
 
+def object_twist(scene: Scene, k: int) -> tuple[FloatArray, FloatArray]:
+    """Velocity and rates of turning (6,) of object `k`, m/s and rad/s in its own axes x forward, y left and
+    z up, and their covariance (6, 6); NaN where they are not known."""
+    motion = scene.motion
+    if motion is None:
+        return np.full(6, np.nan), np.full((6, 6), np.nan)
+    twist, covariance = np.zeros(6), np.zeros((6, 6))
+    twist[0], twist[5] = motion.speed[k], -motion.yaw_rate[k]  # z is up: positive to the left
+    covariance[0, 0], covariance[5, 5] = motion.speed_sigma[k] ** 2, motion.yaw_rate_sigma[k] ** 2
+    return twist, covariance
+
+
+def uuid_of(number: str | int) -> NDArray[np.uint8]:
+    """(16,) bytes, the same for a vehicle in all frames: its number, or a hash of its name."""
+    if isinstance(number, int) and number >= 0:
+        return np.frombuffer(number.to_bytes(16, "big"), np.uint8)
+    return np.frombuffer(hashlib.sha256(str(number).encode()).digest()[:16], np.uint8)
+
+
 class _Frame:
     """The messages of one frame."""
 
@@ -109,6 +136,7 @@ class _Frame:
 
     def messages(self) -> dict[str, Any]:
         rows = self._scene.rows
+        self._kinds = {k: self._kind(k) for k in rows}
         detections = [self._detection(k) for k in rows]
         objects = [self._object(k) for k in rows]
         found = {
@@ -117,6 +145,9 @@ class _Frame:
             "/detections": self._make("vision_msgs/Detection3DArray", self._header(), detections),
             "/objects": self._make("autoware_perception_msgs/DetectedObjects", self._header(), objects),
         }
+        if self._scene.motion is not None:
+            tracks = [self._track(k) for k in rows]
+            found["/tracks"] = self._make("autoware_perception_msgs/TrackedObjects", self._header(), tracks)
         picture = self._context.picture(self._scene)
         if picture is not None:
             data, form = picture
@@ -130,7 +161,7 @@ class _Frame:
         return self._make("std_msgs/Header", self._stamp, frame or self._context.frame_id)
 
     def _tilt(self) -> Any:
-        R, place = camera_in_ground(self._scene.view)
+        R, place = camera_in_ground(self._scene)
         turn = self._quaternion(to_quaternions(R[None])[0])
         transform = self._make("geometry_msgs/Transform", self._vector(place), turn)
         head = self._header(GROUND)
@@ -155,20 +186,48 @@ class _Frame:
         return self._make("vision_msgs/Detection3D", self._header(), [result], box, str(scene.ids[k]))
 
     def _object(self, k: int) -> Any:
-        label = self._context.category(self._scene, k, _WORDS)
-        sure = score(self._scene, k)
-        kind = self._make("autoware_perception_msgs/ObjectClassification", _LABELS.get(label or "", 0), sure)
-        nothing = self._vector(np.zeros(3))
-        twist = self._make("geometry_msgs/Twist", nothing, nothing)
-        motion = self._make("geometry_msgs/TwistWithCovariance", twist, np.zeros(36))
+        twist, covariance = object_twist(self._scene, k)
         state = self._make(
             "autoware_perception_msgs/DetectedObjectKinematics",
             *(self._pose_with_covariance(k), bool(np.isfinite(self._covariance[k]).all())),
-            *(orientation_availability(self._scene, k), motion, False, False),
+            *(orientation_availability(self._scene, k), self._twist(k)),
+            *(bool(np.isfinite(twist).all()), bool(np.isfinite(covariance).all())),
         )
+        what = (score(self._scene, k), [self._kinds[k]])
+        return self._make("autoware_perception_msgs/DetectedObject", *what, state, self._shape(k))
+
+    def _track(self, k: int) -> Any:
+        motion = self._scene.motion
+        assert motion is not None
+        ahead = self._vector(np.array([np.nan_to_num(motion.acceleration[k]), 0.0, 0.0]))
+        spread = np.zeros(36)
+        spread[0] = np.nan_to_num(motion.acceleration_sigma[k] ** 2)
+        accel = self._make("geometry_msgs/Accel", ahead, self._vector(np.zeros(3)))
+        state = self._make(
+            "autoware_perception_msgs/TrackedObjectKinematics",
+            *(self._pose_with_covariance(k), self._twist(k)),
+            self._make("geometry_msgs/AccelWithCovariance", accel, spread),
+            *(orientation_availability(self._scene, k), bool(motion.standing[k])),
+        )
+        number = self._make("unique_identifier_msgs/UUID", uuid_of(self._scene.ids[k]))
+        return self._make(
+            "autoware_perception_msgs/TrackedObject",
+            *(number, score(self._scene, k), [self._kinds[k]], state, self._shape(k)),
+        )
+
+    def _kind(self, k: int) -> Any:
+        label = _LABELS.get(self._context.category(self._scene, k, _WORDS) or "", 0)
+        return self._make("autoware_perception_msgs/ObjectClassification", label, score(self._scene, k))
+
+    def _shape(self, k: int) -> Any:
         polygon = self._make("geometry_msgs/Polygon", [])
-        shape = self._make("autoware_perception_msgs/Shape", 0, polygon, self._size(k))
-        return self._make("autoware_perception_msgs/DetectedObject", sure, [kind], state, shape)
+        return self._make("autoware_perception_msgs/Shape", 0, polygon, self._size(k))
+
+    def _twist(self, k: int) -> Any:
+        """In the object's own axes, as Autoware has it; 0 where it is not known."""
+        twist, covariance = (np.nan_to_num(values) for values in object_twist(self._scene, k))
+        both = self._make("geometry_msgs/Twist", self._vector(twist[:3]), self._vector(twist[3:]))
+        return self._make("geometry_msgs/TwistWithCovariance", both, covariance.ravel())
 
     def _pose(self, k: int) -> Any:
         x, y, z = self._scene.centre[k].tolist()

@@ -37,5 +37,20 @@ DEFINITIONS = {
     "autoware_perception_msgs/msg/DetectedObjects": (
         "std_msgs/Header header\nautoware_perception_msgs/DetectedObject[] objects\n"
     ),
+    "autoware_perception_msgs/msg/TrackedObjectKinematics": (
+        "uint8 UNAVAILABLE=0\nuint8 SIGN_UNKNOWN=1\nuint8 AVAILABLE=2\n"
+        "geometry_msgs/PoseWithCovariance pose_with_covariance\n"
+        "geometry_msgs/TwistWithCovariance twist_with_covariance\n"
+        "geometry_msgs/AccelWithCovariance acceleration_with_covariance\n"
+        "uint8 orientation_availability\nbool is_stationary\n"
+    ),
+    "autoware_perception_msgs/msg/TrackedObject": (
+        "unique_identifier_msgs/UUID object_id\nfloat32 existence_probability\n"
+        "autoware_perception_msgs/ObjectClassification[] classification\n"
+        "autoware_perception_msgs/TrackedObjectKinematics kinematics\nautoware_perception_msgs/Shape shape\n"
+    ),
+    "autoware_perception_msgs/msg/TrackedObjects": (
+        "std_msgs/Header header\nautoware_perception_msgs/TrackedObject[] objects\n"
+    ),
 }
 """The text of each message by its type."""
