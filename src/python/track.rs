@@ -103,7 +103,10 @@ impl PyTracker {
         let (mut sightings, mut skipped) = (vec![], vec![]);
         for k in 0..count {
             let of = |stack: &Stack| stack.reading(&view.0, k, centres[k]);
-            match sighting(of(&pose), of(&other), &numbers[k], classes[k], error_dof) {
+            // Most objects have no other reading.
+            let p_other = numbers[k][OTHER_PROBABILITY];
+            let other = if p_other > 0.0 { of(&other).ok().map(|reading| (reading, p_other)) } else { None };
+            match sighting(of(&pose), other, &numbers[k], classes[k], error_dof) {
                 Ok(sighting) => sightings.push(Sighting { number: k, ..sighting }),
                 Err(error) => skipped.push((k, error.to_string())),
             }
@@ -130,18 +133,19 @@ impl PyTracker {
 
 /// Length, height, width, their standard deviations, 2D box, ambiguity, probability of the other reading, and of the answer.
 const NUMBERS_OF_OBJECT: usize = 13;
+const OTHER_PROBABILITY: usize = 11;
 
 fn sighting(
     reading: Result<Reading, InputError>,
-    other: Result<Reading, InputError>,
+    other: Option<(Reading, f64)>,
     numbers: &[f64; NUMBERS_OF_OBJECT],
     class: usize,
     error_dof: f64,
 ) -> Result<Sighting, InputError> {
     let part = |from: usize| [numbers[from], numbers[from + 1], numbers[from + 2]];
-    let [turned, p_other, probability] = part(10);
+    let [turned, _, probability] = part(10);
     let sighting = Sighting {
-        other: other.ok().filter(|_| p_other > 0.0).map(|reading| (reading, p_other)),
+        other,
         turned: if turned.is_finite() { turned } else { 0.5 },
         error_dof,
         class,

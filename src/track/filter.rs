@@ -4,13 +4,13 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::geometry::math::{atan2, cos, exp, log, sqrt, square};
 use crate::track::facing::Facing;
-use crate::track::measure::{Expected, OF_DISTANCE, spread_of, turned_by};
+use crate::track::measure::{Expected, OF_DISTANCE, PlacedReading, PlacedSighting};
 use crate::track::model::{
-    ACCELERATION, AXIS, Belief, Camera2, ERRORS, Motion, SCALE, State, StateMatrix, TURNING, VX, VZ, X, Z,
+    ACCELERATION, AXIS, Belief, Camera2, ERRORS, Motion, SCALE, State, StateMatrix, TURNING, Transition, VX, VZ, X, Z,
 };
 use crate::track::options::{CameraMotion, TrackOptions};
 use crate::track::row::{Told, TrackRow, row_of, wrapped};
-use crate::track::sighting::{Reading, Sighting};
+use crate::track::sighting::Sighting;
 use crate::track::size::SizeEstimate;
 use crate::track::standing;
 
@@ -90,12 +90,15 @@ impl VehicleFilter {
     /// A vehicle that is seen for the first time; `camera`: where the camera stands, right, forward and yaw.
     #[must_use]
     pub fn new(options: &TrackOptions, camera: [f64; 3], seen: &Sighting) -> Self {
-        let Reading { place, heading, .. } = seen.reading;
-        let there = turned_by(camera[2], place);
+        let camera = camera.into();
+        Self::first(options, camera, &PlacedSighting::of(&camera, seen))
+    }
+
+    pub(crate) fn first(options: &TrackOptions, camera: Camera2, seen: &PlacedSighting) -> Self {
+        let PlacedReading { there, heading, spread, .. } = seen.reading;
         let mut mean = State::zeros();
-        (mean[X], mean[Z]) = (there[0], there[1]);
-        mean[AXIS] = heading + camera[2];
-        let scale_sigma = (exp(spread_of(&seen.reading)[0]) * sqrt(options.constant_fraction)).min(ANY_SCALE);
+        (mean[X], mean[Z], mean[AXIS]) = (there[0], there[1], heading);
+        let scale_sigma = (exp(spread[0]) * sqrt(options.constant_fraction)).min(ANY_SCALE);
         let mut sigmas = State::repeat(1.0);
         (sigmas[X], sigmas[Z]) = (NOWHERE, NOWHERE);
         (sigmas[VX], sigmas[VZ]) = (options.speed_sigma, options.speed_sigma);
@@ -106,7 +109,7 @@ impl VehicleFilter {
             facing: Facing::default(),
             size: SizeEstimate::default(),
             scale_sigma,
-            stated: spread_of(&seen.reading),
+            stated: spread,
             standing: false,
             has_moved: false,
             drift: Vector2::zeros(),
@@ -116,13 +119,13 @@ impl VehicleFilter {
         for (k, variance) in ERRORS.into_iter().zip(filter.slow_errors()) {
             filter.belief.covariance[(k, k)] = variance;
         }
-        filter.take(camera, f64::INFINITY, seen, &seen.reading);
+        filter.take(f64::INFINITY, seen, &seen.reading);
         filter
     }
 
     /// What it leads one to expect of a reading.
-    fn expected(&self) -> Expected<'_> {
-        Expected { belief: &self.belief, stated: &self.stated, own_fraction: self.options.own_fraction }
+    pub(crate) fn expected(&self) -> Expected {
+        Expected::of(&self.belief, &self.stated, self.options.own_fraction)
     }
 
     /// Whether it moves along its axis: not so relative to a camera whose motion is not known.
@@ -132,23 +135,23 @@ impl VehicleFilter {
 
     /// `dt` seconds later, nothing seen; the camera is there now.
     pub fn predict(&mut self, dt: f64, camera: [f64; 3]) {
-        self.advance(dt, camera);
+        self.advance(dt, &camera.into());
     }
 
     /// The same; the derivative of the mean by the mean before.
-    pub(crate) fn advance(&mut self, dt: f64, camera: Camera2) -> StateMatrix {
+    pub(crate) fn advance(&mut self, dt: f64, camera: &Camera2) -> Transition {
         let calm = if self.standing { 0.1 } else { 1.0 };
-        let mut motion = Motion {
+        let motion = Motion {
             acceleration_sigma: calm * self.options.acceleration_sigma,
             turning_sigma: calm * self.options.turning_sigma,
-            keep: 1.0,
             errors: self.slow_errors(),
-            shift: [camera[0] - self.camera[0], camera[1] - self.camera[1]],
+            shift: [camera.place[0] - self.camera.place[0], camera.place[1] - self.camera.place[1]],
             along_axis: self.along_axis(),
         };
-        self.camera = camera;
-        motion.keep = self.still_the_same(dt, &self.belief.expected(dt, &motion));
-        let (belief, by_before) = self.belief.predicted(dt, &motion);
+        self.camera = *camera;
+        let moved = self.belief.moved(dt, &motion);
+        let keep = self.still_the_same(dt, &moved.mean);
+        let (belief, by_before) = self.belief.predicted(dt, &motion, moved, keep);
         self.belief = belief;
         by_before
     }
@@ -172,47 +175,50 @@ impl VehicleFilter {
     /// Squared statistical distance between where it should be and where something was seen.
     #[must_use]
     pub fn distance2(&self, camera: [f64; 3], seen: &Sighting) -> f64 {
-        let away = |reading: &Reading| self.expected().measured(camera, reading).place_distance2(&self.belief).1;
-        seen.other.map_or(f64::INFINITY, |(other, _)| away(&other)).min(away(&seen.reading))
+        let seen = &PlacedSighting::of(&camera.into(), seen);
+        let expected = self.expected();
+        let away = |reading: &PlacedReading| expected.measured(reading).place_distance2().1;
+        seen.other.as_ref().map_or(f64::INFINITY, |(other, _)| away(other)).min(away(&seen.reading))
     }
 
     #[cfg(feature = "std")]
     /// How badly something seen agrees with where it is and faces: the squared statistical distance of the places, and
     /// costs of the axis and of which way it faces.
-    pub(crate) fn disagreement(&self, camera: Camera2, seen: &Sighting) -> (f64, f64) {
-        let of = |reading: &Reading, turned: f64| {
-            let m = self.expected().measured(camera, reading);
-            let h = m.by_state.row(2);
-            let variance = (h * self.belief.covariance * h.transpose())[(0, 0)] + m.noise[(2, 2)];
+    pub(crate) fn disagreement(&self, expected: &Expected, seen: &PlacedSighting) -> (f64, f64) {
+        let of = |reading: &PlacedReading, turned: f64| {
+            let m = expected.measured(reading);
+            let variance = m.spread[(2, 2)] + m.noise[(2, 2)];
             let axis = (0.5 * square(m.residual[2]) / variance).min(MOST_OF_AXIS);
-            let away = cos(reading.heading + camera[2] - self.belief.mean[AXIS]) < 0.0;
+            let away = cos(reading.heading - self.belief.mean[AXIS]) < 0.0;
             let along = self.facing.probability();
             let p = if away { 1.0 - along } else { along };
             let facing = -log((p * (1.0 - turned) + (1.0 - p) * turned).max(LEAST_FACING));
-            (m.place_distance2(&self.belief).1, axis + facing)
+            (m.place_distance2().1, axis + facing)
         };
-        let first = of(&seen.reading, seen.turned);
-        let Some((other, p)) = seen.other else { return first };
-        let second = of(&other, 0.5);
+        let first = of(&seen.reading, seen.seen.turned);
+        let Some((other, p)) = &seen.other else { return first };
+        let second = of(other, 0.5);
         let cost = |(d2, rest): (f64, f64), p: f64| 0.5 * d2 + rest - log(p.max(1e-3));
-        if cost(second, p) < cost(first, 1.0 - p) { second } else { first }
+        if cost(second, *p) < cost(first, 1.0 - p) { second } else { first }
     }
 
     /// It was seen, `dt` seconds after the last frame.
     pub fn update(&mut self, camera: [f64; 3], dt: f64, seen: &Sighting) {
-        self.notice(camera, dt, seen);
-        self.absorb(camera, dt, seen);
+        let seen = PlacedSighting::of(&camera.into(), seen);
+        self.notice(dt, &seen);
+        self.absorb(dt, &seen);
     }
 
     /// Before it is taken in: has it moved off? Then what was expected is less sure than it was.
-    pub(crate) fn notice(&mut self, camera: Camera2, dt: f64, seen: &Sighting) {
+    pub(crate) fn notice(&mut self, dt: f64, seen: &PlacedSighting) {
         if self.standing {
-            self.watch_drift(camera, dt, &self.expected().likeliest(camera, seen));
+            self.watch_drift(dt, seen);
         }
     }
 
-    pub(crate) fn absorb(&mut self, camera: Camera2, dt: f64, seen: &Sighting) {
-        self.take(camera, dt, seen, &self.expected().likeliest(camera, seen));
+    pub(crate) fn absorb(&mut self, dt: f64, seen: &PlacedSighting) {
+        let reading = if seen.other.is_some() { self.expected().likeliest(seen) } else { &seen.reading };
+        self.take(dt, seen, reading);
         if self.along_axis() {
             self.keep_along_axis(dt);
             self.judge_standing();
@@ -224,47 +230,46 @@ impl VehicleFilter {
     }
 
     /// Takes a reading in; numbers far from what they should be count little.
-    fn take(&mut self, camera: Camera2, dt: f64, seen: &Sighting, reading: &Reading) {
+    fn take(&mut self, dt: f64, seen: &PlacedSighting, reading: &PlacedReading) {
         self.state_errors(reading);
-        let mut m = self.expected().measured(camera, reading);
-        let dof = seen.error_dof.clamp(DOF.0, DOF.1);
-        let s = m.by_state * self.belief.covariance * m.by_state.transpose() + m.noise;
-        let place = m.place_distance2(&self.belief).1;
+        let expected = self.expected();
+        let m = expected.measured(reading);
+        let dof = seen.seen.error_dof.clamp(DOF.0, DOF.1);
+        let place = m.place_distance2().1;
         let weight = |d2: f64, n: f64| ((dof + n) / (dof + d2)).clamp(1e-6, 1.0);
-        let (of_place, of_heading) = (weight(place, 2.0), weight(square(m.residual[2]) / s[(2, 2)], 1.0));
+        let of_heading = weight(square(m.residual[2]) / (m.spread[(2, 2)] + m.noise[(2, 2)]), 1.0);
+        let of_place = weight(place, 2.0);
         let less = Vector3::new(of_place, of_place, of_heading).map(|w| 1.0 / sqrt(w));
-        m.noise = Matrix3::from_diagonal(&less) * m.noise * Matrix3::from_diagonal(&less);
-        self.belief.update(&m.by_state, &m.residual, &m.noise);
+        let noise = Matrix3::from_diagonal(&less) * m.noise * Matrix3::from_diagonal(&less);
+        self.belief.update(&expected.ph, &m.residual, &(m.spread.transpose() + noise));
         let new = 1.0 - exp(-dt / PICTURE_TIME);
-        let side = if cos(seen.reading.heading + camera[2] - self.belief.mean[AXIS]) < 0.0 { -1.0 } else { 1.0 };
-        self.facing.see(side, seen.turned, new);
-        self.size.add(&seen.size, &seen.size_sigma, of_place * new.max(0.2));
+        let side = if cos(seen.reading.heading - self.belief.mean[AXIS]) < 0.0 { -1.0 } else { 1.0 };
+        self.facing.see(side, seen.seen.turned, new);
+        self.size.add(&seen.seen.size, &seen.seen.size_sigma, of_place * new.max(0.2));
     }
 
     /// What pictures state of their errors on the whole: a picture that puts a vehicle too near is surer of it than one that
     /// puts it too far, and must not count more.
-    fn state_errors(&mut self, reading: &Reading) {
-        self.stated += (spread_of(reading) - self.stated) * STATED_KEEPS;
+    fn state_errors(&mut self, reading: &PlacedReading) {
+        self.stated += (reading.spread - self.stated) * STATED_KEEPS;
         let scale = exp(self.stated[0]) * sqrt(self.options.constant_fraction);
         let scale = scale.max(1e-4);
         if scale < 0.95 * self.scale_sigma {
             let variance = 1.0 / (1.0 / square(scale) - 1.0 / square(self.scale_sigma));
-            let mut h = State::zeros();
-            h[SCALE] = 1.0;
-            self.belief.update_one(&h, -self.belief.mean[SCALE], variance);
+            self.belief.update_one(&[(SCALE, 1.0)], -self.belief.mean[SCALE], variance);
             self.scale_sigma = scale;
         }
     }
 
     /// The rear axle does not slip: a measurement of velocity, axis and yaw rate.
     fn keep_along_axis(&mut self, dt: f64) {
-        let (sideways, mut h) = self.belief.sideways();
-        let length = self.size.of(0.0, 0.0, (0.0, 0.0)).0[0];
+        let [(along, by_along), (sideways, by_sideways)] = self.belief.along_and_sideways();
+        let length = self.size.length();
         let arm = AXLE * if length.is_finite() { length.clamp(2.0, 20.0) } else { USUAL_LENGTH };
         let side = self.facing.expected_side();
-        h[TURNING] = -arm * side;
+        let [vx, vz, axis] = by_sideways;
+        let h = [vx, vz, axis, (TURNING, -arm * side)];
         let swing = arm * side * self.belief.mean[TURNING];
-        let (along, by_along) = self.belief.along();
         let unknown = self.belief.variance(&by_along) * self.belief.covariance[(AXIS, AXIS)];
         let slip = SLIP.0 + SLIP.1 * along.abs() + SLIP.2 * arm * self.belief.mean[TURNING].abs();
         let variance = square(slip) * (SLIP.3 / dt.clamp(0.01, SLIP.3)) + unknown;
@@ -285,8 +290,9 @@ impl VehicleFilter {
     }
 
     /// Of one that stands: whether its places have drifted away.
-    fn watch_drift(&mut self, camera: Camera2, dt: f64, reading: &Reading) {
-        let (white, d2) = self.expected().measured(camera, reading).place_distance2(&self.belief);
+    fn watch_drift(&mut self, dt: f64, seen: &PlacedSighting) {
+        let expected = self.expected();
+        let (white, d2) = expected.measured(expected.likeliest(seen)).place_distance2();
         let keep = exp(-dt / MOVED_OFF.1);
         // One wrong place is no drift.
         let new = white * (1.0 - keep) * (3.0 / sqrt(d2.max(9.0)));
@@ -307,6 +313,12 @@ impl VehicleFilter {
         if self.has_moved { SLOWING_SIGMA.min(self.options.speed_sigma) } else { self.options.speed_sigma }
     }
 
+    /// Whether it stands still.
+    #[cfg(feature = "std")]
+    pub(crate) fn stands(&self) -> bool {
+        self.standing
+    }
+
     /// What rows say beside the belief.
     pub(crate) fn told(&self) -> Told {
         Told {
@@ -321,6 +333,10 @@ impl VehicleFilter {
     /// What is known now, of a vehicle seen from a camera that stands there.
     #[must_use]
     pub fn row(&self, camera: [f64; 3]) -> TrackRow {
+        self.row_seen_from(&camera.into())
+    }
+
+    pub(crate) fn row_seen_from(&self, camera: &Camera2) -> TrackRow {
         row_of(&self.belief, &self.told(), camera)
     }
 }

@@ -1,10 +1,10 @@
 //! A vehicle at one time, as a tracker answers.
 
-use nalgebra::{Matrix2, SMatrix};
+use nalgebra::Matrix2;
 
 use crate::geometry::math::{atan2, cos, exp, sin, sqrt};
 use crate::track::facing::Facing;
-use crate::track::model::{ACCELERATION, AXIS, Belief, Camera2, SCALE, State, TRACK_NUMBERS, TURNING, X, Z};
+use crate::track::model::{ACCELERATION, AXIS, Belief, Camera2, SCALE, TURNING, X, Z, sum_of};
 use crate::track::size::SizeEstimate;
 
 /// A vehicle at one time.
@@ -74,20 +74,18 @@ pub(crate) struct Told {
 }
 
 /// Of a belief at a time; id, frame and the like are the caller's to fill in.
-pub(crate) fn row_of(belief: &Belief, told: &Told, camera: Camera2) -> TrackRow {
+pub(crate) fn row_of(belief: &Belief, told: &Told, camera: &Camera2) -> TrackRow {
     let side = told.facing.side();
     let (along, by_along) = belief.along();
     let heading = belief.mean[AXIS] + if side < 0.0 { core::f64::consts::PI } else { 0.0 };
     let sigma = |k: usize| sqrt(belief.covariance[(k, k)].max(0.0));
     let smaller = exp(-belief.mean[SCALE]);
-    let by_state = place_by_state(belief, smaller);
-    let covariance = by_state * belief.covariance * by_state.transpose();
     let (size, size_sigma) =
         told.size.of(belief.mean[SCALE], belief.covariance[(SCALE, SCALE)], (told.shared, told.own));
-    let place = [camera[0] + smaller * belief.mean[X], camera[1] + smaller * belief.mean[Z]];
-    let (mut by_speed, mut by_acceleration) = (by_along * smaller, State::zeros());
-    by_speed[SCALE] = -smaller * along;
-    (by_acceleration[ACCELERATION], by_acceleration[SCALE]) = (smaller, -smaller * belief.mean[ACCELERATION]);
+    let place = place_of(belief, smaller, camera);
+    let [vx, vz, axis] = by_along.map(|(k, by)| (k, by * smaller));
+    let by_speed = [vx, vz, axis, (SCALE, -smaller * along)];
+    let by_acceleration = [(ACCELERATION, smaller), (SCALE, -smaller * belief.mean[ACCELERATION])];
     let p = told.facing.probability();
     TrackRow {
         id: 0,
@@ -96,7 +94,7 @@ pub(crate) fn row_of(belief: &Belief, told: &Told, camera: Camera2) -> TrackRow 
         class: 0,
         sighting: None,
         place,
-        place_covariance: covariance,
+        place_covariance: place_covariance(belief, smaller),
         heading: wrapped(heading),
         heading_sigma: sigma(AXIS),
         facing_probability: p.max(1.0 - p),
@@ -113,20 +111,31 @@ pub(crate) fn row_of(belief: &Belief, told: &Told, camera: Camera2) -> TrackRow 
     }
 }
 
-/// Derivative of a place by the state.
-fn place_by_state(belief: &Belief, smaller: f64) -> SMatrix<f64, 2, TRACK_NUMBERS> {
-    let mut by_state = SMatrix::<f64, 2, TRACK_NUMBERS>::zeros();
-    for k in 0..2 {
-        by_state[(k, X + k)] = smaller;
-        by_state[(k, SCALE)] = -smaller * belief.mean[X + k];
-    }
-    by_state
+fn place_of(belief: &Belief, smaller: f64, camera: &Camera2) -> [f64; 2] {
+    [camera.place[0] + smaller * belief.mean[X], camera.place[1] + smaller * belief.mean[Z]]
 }
 
-fn seen_from([x, z]: [f64; 2], heading: f64, [cx, cz, yaw]: Camera2) -> [f64; 3] {
-    let (s, c) = (sin(yaw), cos(yaw));
-    let (x, z) = (x - cx, z - cz);
-    [x * c - z * s, x * s + z * c, wrapped(heading - yaw)]
+fn place_covariance(belief: &Belief, smaller: f64) -> Matrix2<f64> {
+    let by_state = [X, Z].map(|k| [(k, smaller), (SCALE, -smaller * belief.mean[k])]);
+    let ph = by_state.map(|terms| belief.times(&terms));
+    Matrix2::from_fn(|i, j| sum_of(&by_state[j], &ph[i]))
+}
+
+fn seen_from(place: [f64; 2], heading: f64, camera: &Camera2) -> [f64; 3] {
+    let [x, z] = place_seen_from(place, camera);
+    [x, z, wrapped(heading - camera.yaw)]
+}
+
+fn place_seen_from([x, z]: [f64; 2], camera: &Camera2) -> [f64; 2] {
+    let (s, c) = (camera.sin, camera.cos);
+    let (x, z) = (x - camera.place[0], z - camera.place[1]);
+    [x * c - z * s, x * s + z * c]
+}
+
+/// The place of a row, right and forward of the camera.
+#[cfg(feature = "std")]
+pub(crate) fn where_seen(belief: &Belief, camera: &Camera2) -> [f64; 2] {
+    place_seen_from(place_of(belief, exp(-belief.mean[SCALE]), camera), camera)
 }
 
 /// The same angle between -pi and pi.

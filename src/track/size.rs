@@ -26,6 +26,11 @@ impl SizeEstimate {
         }
     }
 
+    /// Metres, if its poses are not too large; NaN where nothing was seen.
+    pub(crate) fn length(&self) -> f64 {
+        if self.weights[0] > 0.0 { exp(self.logs[0] / self.weights[0]) } else { f64::NAN }
+    }
+
     /// Metres with standard deviations, for a log scale that its poses are too large by; NaN where nothing was seen.
     /// `shared` and `own`: of a stated variance, what all frames share and what each has of its own.
     pub(crate) fn of(&self, scale: f64, scale_variance: f64, (shared, own): (f64, f64)) -> ([f64; 3], [f64; 3]) {

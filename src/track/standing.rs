@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use crate::geometry::math::{log, square};
-use crate::track::model::{ACCELERATION, Belief, State, TURNING, VX, VZ};
+use crate::track::model::{ACCELERATION, Belief, TURNING, VX, VZ};
 
 /// Logarithm of the Bayes factor from which a vehicle stands.
 const LEAST_FACTOR: f64 = 5.0;
@@ -28,8 +28,6 @@ pub(crate) fn is_likely(belief: &Belief, moving_sigma: f64) -> bool {
 /// It has no speed.
 pub(crate) fn hold_still(belief: &mut Belief) {
     for (k, sigma) in [(VX, STILL.0), (VZ, STILL.0), (TURNING, STILL.1), (ACCELERATION, STILL.0)] {
-        let mut h = State::zeros();
-        h[k] = 1.0;
-        belief.update_one(&h, -belief.mean[k], square(sigma));
+        belief.update_one(&[(k, 1.0)], -belief.mean[k], square(sigma));
     }
 }

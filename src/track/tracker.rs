@@ -1,8 +1,8 @@
 //! All vehicles before one camera, frame after frame.
 
 use crate::error::{Got, InputError, require};
-use crate::geometry::math::{cos, sin};
 use crate::track::associate::assign;
+use crate::track::measure::PlacedSighting;
 use crate::track::model::Camera2;
 use crate::track::options::{CameraMotion, TrackOptions};
 use crate::track::row::TrackRow;
@@ -44,6 +44,7 @@ const HARDLY: f64 = 0.4;
 pub struct Tracker {
     options: TrackOptions,
     vehicles: Vec<Vehicle>,
+    /// Where it stands in the plane of the first frame.
     camera: Camera2,
     time: Option<f64>,
     frame: u64,
@@ -60,7 +61,7 @@ impl Tracker {
     pub fn new(options: TrackOptions) -> Result<Self, InputError> {
         options.check()?;
         let (vehicles, now, finished) = (vec![], vec![], vec![]);
-        Ok(Self { options, vehicles, camera: [0.0; 3], time: None, frame: 0, last_id: 0, now, finished })
+        Ok(Self { options, vehicles, camera: [0.0; 3].into(), time: None, frame: 0, last_id: 0, now, finished })
     }
 
     /// The next frame: its vehicles, those that are not seen for a moment too.
@@ -80,21 +81,22 @@ impl Tracker {
         let dt = self.checked(time, ego_motion)?;
         sightings.iter().try_for_each(Sighting::check)?;
         if let (Some(moved), Some(_)) = (ego_motion, dt) {
-            self.camera = moved_by(self.camera, moved);
+            self.camera = moved_by(&self.camera, moved);
         }
         let moment = Moment { frame: self.frame, time, camera: self.camera };
         self.drop_lost(time);
         let dt = dt.unwrap_or(0.0);
-        self.vehicles.iter_mut().for_each(|vehicle| vehicle.predict(dt, moment.camera));
-        let chosen = assign(&self.options, &self.vehicles, sightings, &moment);
+        self.vehicles.iter_mut().for_each(|vehicle| vehicle.predict(dt, &moment.camera));
+        let placed: Vec<_> = sightings.iter().map(|seen| PlacedSighting::of(&moment.camera, seen)).collect();
+        let chosen = assign(&self.options, &self.vehicles, &placed, &moment);
         let mut is_new = vec![true; sightings.len()];
         for (vehicle, k) in self.vehicles.iter_mut().zip(chosen) {
-            vehicle.update(&moment, dt, k.map(|k| &sightings[k]));
+            vehicle.update(&moment, dt, k.map(|k| &placed[k]));
             k.into_iter().for_each(|k| is_new[k] = false);
         }
         for k in (0..sightings.len()).filter(|&k| is_new[k]) {
             self.last_id += 1;
-            self.vehicles.push(Vehicle::new(self.last_id, &self.options, &moment, &sightings[k]));
+            self.vehicles.push(Vehicle::new(self.last_id, &self.options, &moment, &placed[k]));
         }
         (self.time, self.frame) = (Some(time), self.frame + 1);
         self.hand_out_old();
@@ -129,18 +131,17 @@ impl Tracker {
     /// Vehicles that were not seen for too long leave.
     fn drop_lost(&mut self, time: f64) {
         let TrackOptions { least_sightings, longest_gap, .. } = self.options;
-        let mut kept = Vec::with_capacity(self.vehicles.len());
-        for mut vehicle in self.vehicles.drain(..) {
+        let finished = &mut self.finished;
+        self.vehicles.retain_mut(|vehicle| {
             let sure = vehicle.sightings >= least_sightings;
             let patience = if sure { longest_gap } else { HARDLY * longest_gap };
             // Rounding of times must not decide.
-            if time - vehicle.last_seen <= patience + 1e-9 {
-                kept.push(vehicle);
-            } else if sure {
-                vehicle.hand_out(0, &mut self.finished);
+            let stays = time - vehicle.last_seen <= patience + 1e-9;
+            if !stays && sure {
+                vehicle.hand_out(0, finished);
             }
-        }
-        self.vehicles = kept;
+            stays
+        });
     }
 
     /// The older half of long histories.
@@ -176,7 +177,7 @@ impl Tracker {
 }
 
 /// Where a camera is that has moved as it says itself.
-fn moved_by([x, z, yaw]: Camera2, [right, forward, turned]: [f64; 3]) -> Camera2 {
-    let (s, c) = (sin(yaw), cos(yaw));
-    [x + right * c + forward * s, z + forward * c - right * s, yaw + turned]
+fn moved_by(camera: &Camera2, [right, forward, turned]: [f64; 3]) -> Camera2 {
+    let &Camera2 { place: [x, z], yaw, sin: s, cos: c } = camera;
+    [x + right * c + forward * s, z + forward * c - right * s, yaw + turned].into()
 }

@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 
 use crate::track::filter::VehicleFilter;
-use crate::track::model::{Belief, Camera2, StateMatrix};
+use crate::track::measure::PlacedSighting;
+use crate::track::model::{Belief, Camera2, Transition};
 use crate::track::options::TrackOptions;
 use crate::track::row::{Told, TrackRow, row_of};
 use crate::track::sighting::Sighting;
@@ -39,14 +40,15 @@ pub(crate) struct Vehicle {
     pub(crate) bbox: [f64; 4],
     pub(crate) bbox_rate: [f64; 4],
     classes: Vec<f64>,
-    by_before: StateMatrix,
+    by_before: Transition,
     predicted: Belief,
     history: VecDeque<Past>,
 }
 
 impl Vehicle {
-    pub(crate) fn new(id: u64, options: &TrackOptions, moment: &Moment, seen: &Sighting) -> Self {
-        let filter = VehicleFilter::new(options, moment.camera, seen);
+    pub(crate) fn new(id: u64, options: &TrackOptions, moment: &Moment, placed: &PlacedSighting) -> Self {
+        let filter = VehicleFilter::first(options, moment.camera, placed);
+        let seen = placed.seen;
         let mut vehicle = Self {
             id,
             filter,
@@ -55,7 +57,7 @@ impl Vehicle {
             bbox: seen.bbox,
             bbox_rate: [0.0; 4],
             classes: vec![],
-            by_before: StateMatrix::identity(),
+            by_before: Transition::none(),
             predicted: filter.belief,
             history: VecDeque::new(),
         };
@@ -65,31 +67,32 @@ impl Vehicle {
     }
 
     /// `dt` seconds later.
-    pub(crate) fn predict(&mut self, dt: f64, camera: Camera2) {
+    pub(crate) fn predict(&mut self, dt: f64, camera: &Camera2) {
         self.by_before = self.filter.advance(dt, camera);
         self.predicted = self.filter.belief;
     }
 
     /// It was seen, or not.
-    pub(crate) fn update(&mut self, moment: &Moment, dt: f64, seen: Option<&Sighting>) {
-        if let Some(seen) = seen {
-            self.filter.notice(moment.camera, dt, seen);
+    pub(crate) fn update(&mut self, moment: &Moment, dt: f64, placed: Option<&PlacedSighting>) {
+        if let Some(placed) = placed {
+            self.filter.notice(dt, placed);
             self.predicted = self.filter.belief;
-            self.filter.absorb(moment.camera, dt, seen);
+            self.filter.absorb(dt, placed);
+            let seen = placed.seen;
             self.count_class(seen);
             self.move_box(&seen.bbox, moment.time);
             self.last_seen = moment.time;
             self.sightings += 1;
         }
-        self.keep(moment, seen.map(|seen| seen.number));
+        self.keep(moment, placed.map(|placed| placed.seen.number));
     }
 
     fn keep(&mut self, moment: &Moment, sighting: Option<usize>) {
         let step = Step {
             by_before: self.by_before,
-            predicted: self.predicted,
-            updated: self.filter.belief,
-            standing: self.filter.told().standing,
+            predicted: (&self.predicted).into(),
+            updated: (&self.filter.belief).into(),
+            standing: self.filter.stands(),
         };
         self.history.push_back(Past { moment: *moment, sighting, step });
     }
@@ -124,7 +127,7 @@ impl Vehicle {
     /// What is known of it now.
     pub(crate) fn row(&self) -> Option<TrackRow> {
         let last = self.history.back()?;
-        Some(self.completed(last, self.filter.row(last.moment.camera)))
+        Some(self.completed(last, self.filter.row_seen_from(&last.moment.camera)))
     }
 
     fn completed(&self, past: &Past, row: TrackRow) -> TrackRow {
@@ -144,16 +147,18 @@ impl Vehicle {
     /// The oldest frames but the newest `kept`, smoothed by all; they leave the history. Those at the end in which it was
     /// not seen are none of its.
     pub(crate) fn hand_out(&mut self, kept: usize, rows: &mut Vec<TrackRow>) {
-        let steps: Vec<Step> = self.history.iter().map(|past| past.step).collect();
         let last_seen = self.history.iter().rposition(|past| past.sighting.is_some()).map_or(0, |k| k + 1);
-        let known = if kept == 0 { last_seen } else { steps.len() };
+        let known = if kept == 0 { last_seen } else { self.history.len() };
         let told = self.filter.told();
-        let out = steps.len().saturating_sub(kept).min(known);
-        let smoothed = smoothed(&steps[..known], self.filter.moving_sigma());
-        for (past, (belief, standing)) in self.history.iter().zip(smoothed).take(out) {
+        let out = self.history.len().saturating_sub(kept).min(known);
+        let newest_first = self.history.range(..known).rev();
+        let smoothed = smoothed(newest_first.clone().map(|past| &past.step), self.filter.moving_sigma());
+        let first = rows.len();
+        for (past, (belief, standing)) in newest_first.zip(smoothed).skip(known - out) {
             let told = Told { standing, ..told };
-            rows.push(self.completed(past, row_of(&belief, &told, past.moment.camera)));
+            rows.push(self.completed(past, row_of(&belief, &told, &past.moment.camera)));
         }
+        rows[first..].reverse();
         self.history.drain(..out);
     }
 }

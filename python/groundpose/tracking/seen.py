@@ -74,5 +74,5 @@ class SeenVehicles:
 
     def numbers(self) -> FloatArray:
         """(N, 13) for the core."""
-        last = np.stack([self.ambiguity, self.other_probability, self.probability], axis=1)
-        return np.concatenate([self.size, self.size_sigma, self.bboxes, last], axis=1)
+        last = [part[:, None] for part in (self.ambiguity, self.other_probability, self.probability)]
+        return np.concatenate([self.size, self.size_sigma, self.bboxes, *last], axis=1)

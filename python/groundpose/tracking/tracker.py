@@ -84,7 +84,7 @@ class Tracker:
         seconds = number("time", time)
         seen = poses if isinstance(poses, SeenVehicles) else SeenVehicles.of(poses)
         self._check_camera(seen.view.camera)
-        self._names += [name for name in dict.fromkeys(seen.names) if name not in self._names]
+        classes = self._classes_of(seen.names)
         columns, left_out = self._core.update(
             seconds,
             moved,
@@ -93,13 +93,21 @@ class Tracker:
             (seen.other_R, seen.other_t, seen.other_covariance),
             seen.bottom_centres,
             seen.numbers(),
-            [self._names.index(name) for name in seen.names],
+            classes,
             seen.error_dof,
         )
         self.camera, self.frames = seen.view.camera, self.frames + 1
-        no_pose: NDArray[np.bool_] = np.asarray(np.isnan(seen.t).any(axis=1))
-        self.skipped.update("no pose" if no_pose[k] else reason for k, reason in left_out)
+        if left_out:
+            no_pose: NDArray[np.bool_] = np.asarray(np.isnan(seen.t).any(axis=1))
+            self.skipped.update("no pose" if no_pose[k] else reason for k, reason in left_out)
         return Tracks.of(columns, self._names)
+
+    def _classes_of(self, names: Sequence[str]) -> list[int]:
+        """Numbers of classes, in the order in which they were seen first."""
+        known = {name: k for k, name in enumerate(self._names)}
+        found = [known.setdefault(name, len(known)) for name in names]
+        self._names = list(known)
+        return found
 
     def _check_camera(self, camera: Camera) -> None:
         if self.camera is not None and camera != self.camera:
