@@ -372,8 +372,8 @@ class PoseBatch(ResultFields[NDArray[np.str_], NDArray[np.bool_], FloatArray, ND
         fields = vars(self)
         own: dict[str, Any] = {name: fields[name].item(i) for name in _SINGLE}
         for name, shape in _SEVERAL.items():
-            cut = tuple(slice(sizes[n]) for n in shape)
-            own[name] = fields[name][(i, *cut)]
+            place = (i, *(slice(sizes[n]) for n in shape))
+            own[name] = fields[name][place]
         # in half the time that a frozen dataclass takes to set them
         pose = object.__new__(Pose)
         vars(pose).update({name: own[name] for name in SHAPES}, bbox=self.bboxes[i], model=model)
