@@ -20,19 +20,22 @@ impl<A> Objects<A> for [Observation<'_>] {
     }
 }
 
-/// Places for the answers of objects that follow each other.
-pub(crate) trait Answers: Sized + Send {
+/// Places for what is found of objects that follow each other.
+pub(crate) trait Places: Sized + Send {
     /// How many objects.
     fn len(&self) -> usize;
 
     /// The first `k` objects, and the others.
     fn split_at(self, k: usize) -> (Self, Self);
+}
 
+/// Places for answers.
+pub(crate) trait Answers: Places {
     /// The answer of object `k` of these; `residuals` are those of a pose, one per keypoint.
     fn store(&mut self, k: usize, answer: Answer, residuals: &[f64]);
 }
 
-impl Answers for &mut [Answer] {
+impl Places for &mut [Answer] {
     fn len(&self) -> usize {
         <[Answer]>::len(self)
     }
@@ -40,7 +43,9 @@ impl Answers for &mut [Answer] {
     fn split_at(self, k: usize) -> (Self, Self) {
         self.split_at_mut(k)
     }
+}
 
+impl Answers for &mut [Answer] {
     fn store(&mut self, k: usize, answer: Answer, _: &[f64]) {
         self[k] = answer;
     }

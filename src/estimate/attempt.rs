@@ -88,8 +88,8 @@ impl Attempt {
         }
         let (farthest, worst_misfit) = (Some(farthest(object, &self.bbox)), Some(MISFIT_WITHOUT_GROUND));
         let attempt = Self { solver: Solver::P3p, farthest, worst_misfit, price: LAST_TRY, ..*self };
-        let tilt_sigma = Some(f64::INFINITY);
-        Some((attempt, Options { tilt_sigma, max_iterations: options.max_iterations.min(LAST_DRAWS), ..*options }))
+        let max_iterations = options.max_iterations.min(LAST_DRAWS);
+        Some((attempt, Options { max_iterations, ..without_ground(options) }))
     }
 
     /// Whether a pose is where this attempt may find one (the refinement may have moved it), and looks as it must.
@@ -97,6 +97,18 @@ impl Attempt {
         self.farthest.is_none_or(|farthest| pose.t.z <= farthest)
             && self.worst_misfit.is_none_or(|worst| misfit <= worst)
     }
+}
+
+/// Options that forget what the ground says.
+fn without_ground(options: &Options) -> Options {
+    Options { tilt_sigma: Some(f64::INFINITY), ..*options }
+}
+
+/// The options by which an answer was refined: where the solver is ours to choose, only the attempt without the ground
+/// draws three keypoints.
+#[cfg(feature = "python")]
+pub(crate) fn options_that_found(options: &Options, by_three_keypoints: bool) -> Options {
+    if options.solver == Solver::Auto && by_three_keypoints { without_ground(options) } else { *options }
 }
 
 fn allowed_solver(object: &Object) -> Solver {

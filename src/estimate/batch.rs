@@ -1,7 +1,7 @@
 //! Many objects on many cores. Results do not depend on the number of threads.
 
 use crate::error::{Got, InputError, NoPose, require};
-use crate::estimate::answers::{Answer, Answers, Objects};
+use crate::estimate::answers::{Answer, Answers, Objects, Places};
 use crate::estimate::describe::Estimate;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::frame_tilt::{FrameTilt, UpAxis, frame_tilt};
@@ -27,7 +27,7 @@ pub(crate) struct Axes<'a> {
     axes: &'a mut [Option<UpAxis>],
 }
 
-impl Answers for Axes<'_> {
+impl Places for Axes<'_> {
     fn len(&self) -> usize {
         self.axes.len()
     }
@@ -36,7 +36,9 @@ impl Answers for Axes<'_> {
         let (these, others) = self.axes.split_at_mut(k);
         (Self { axes: these, ..self }, Axes { axes: others, ..self })
     }
+}
 
+impl Answers for Axes<'_> {
     fn store(&mut self, k: usize, answer: Answer, _: &[f64]) {
         let axis = |e: Estimate| e.covariance.map(|covariance| UpAxis::new(self.view, &e.pose, &covariance));
         self.axes[k] = answer.ok().and_then(axis);

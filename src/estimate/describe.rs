@@ -140,13 +140,13 @@ pub(crate) fn describe(object: &Object, verified: &Verified, memory: &mut Memory
 
 /// Sums over the inliers of a pose.
 #[derive(Default)]
-struct Inliers {
+pub(crate) struct Inliers {
     count: usize,
     squares: f64,
 }
 
 /// Residuals into the caller's workspace; the sums over the inliers.
-fn store_residuals(points: Measured, visible: &[u32], threshold: f64, residuals: &mut [f64]) -> Inliers {
+pub(crate) fn store_residuals(points: Measured, visible: &[u32], threshold: f64, residuals: &mut [f64]) -> Inliers {
     let mut inliers = Inliers::default();
     for (k, &i) in visible.iter().enumerate() {
         let r2 = points.squared(k);

@@ -6,6 +6,7 @@ use crate::estimate::options::{Options, Solver};
 use crate::estimate::pipeline::estimate_ideal;
 use crate::estimate::wide::estimate_wide;
 use crate::estimate::workspace::{Buffers, Workspace};
+use crate::geometry::bbox::Bbox;
 use crate::geometry::view::View;
 use crate::model::observation::Observation;
 
@@ -129,10 +130,16 @@ impl Estimator {
             return estimate_wide(view, observation, &self.options, index, buffers);
         }
         let pixels = core::mem::take(&mut buffers.pixels);
-        for (pixel, &distorted) in pixels.iter_mut().zip(observation.keypoints_2d()) {
-            *pixel = view.camera.undistort(distorted).unwrap_or([f64::NAN; 2]);
-        }
-        let bbox = observation.bbox().map(|bbox| view.undistort_bbox(view.uncut_bbox(bbox)));
-        estimate_ideal(&view.ideal(), &observation.seen_ideally(pixels, bbox), &self.options, index, buffers)
+        let (view, bbox) = without_lens(view, observation, pixels);
+        estimate_ideal(&view, &observation.seen_ideally(pixels, bbox), &self.options, index, buffers)
     }
+}
+
+/// The view without its lens, which is not wide, the box in it, and the keypoints in it as pixels.
+#[inline(always)]
+pub(crate) fn without_lens(view: &View, observation: &Observation, pixels: &mut [[f64; 2]]) -> (View, Option<Bbox>) {
+    for (pixel, &distorted) in pixels.iter_mut().zip(observation.keypoints_2d()) {
+        *pixel = view.camera.undistort(distorted).unwrap_or([f64::NAN; 2]);
+    }
+    (view.ideal(), observation.bbox().map(|bbox| view.undistort_bbox(view.uncut_bbox(bbox))))
 }

@@ -2,6 +2,8 @@
 //!
 //! An estimate of one object reads from `pipeline` on.
 
+#[cfg(feature = "python")]
+pub(crate) mod again;
 pub mod alternative;
 #[cfg(feature = "rayon")]
 pub(crate) mod answers;

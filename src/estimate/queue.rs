@@ -3,7 +3,7 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::estimate::answers::Answers;
+use crate::estimate::answers::Places;
 
 /// Of a chunk: long against handing it out (half a microsecond), short against what a look for an interrupt may wait.
 const CHUNK: Duration = Duration::from_millis(1);
@@ -26,7 +26,7 @@ pub(crate) struct Pace {
     began: Option<Instant>,
 }
 
-impl<A: Answers> Queue<A> {
+impl<A: Places> Queue<A> {
     /// Places for the answers of objects from `first` on, for so many threads.
     pub(crate) fn new(first: usize, answers: A, threads: usize) -> Self {
         Self { left: Mutex::new((first, Some(answers))), threads }

@@ -4,7 +4,7 @@ use crate::estimate::alternative::Alternative;
 use crate::estimate::describe::Estimate;
 use crate::estimate::probability::EVIDENCE;
 use crate::geometry::pose::Pose;
-use crate::refine::covariance::PoseCovariance;
+use crate::refine::covariance::{PoseCovariance, ShapeCovariance, ShapePoseCovariance};
 use crate::refine::schedule::MAX_STAGES;
 
 /// One output array of numbers: its name, its shape for one object, and how a source fills it.
@@ -33,14 +33,15 @@ pub(super) const NUMBERS: [Field<Estimate, f64>; 17] = [
         shape: |modes| vec![modes],
         write: |e, out| out.copy_from_slice(&e.shape_coefficients[..out.len()]),
     },
-    Field { name: "shape_covariance", shape: |modes| vec![modes, modes], write: write_shape_covariance },
+    Field {
+        name: "shape_covariance",
+        shape: |modes| vec![modes, modes],
+        write: |e, out| write_shape_covariance(e.shape_covariance.as_ref(), out),
+    },
     Field {
         name: "shape_pose_covariance",
         shape: |modes| vec![modes, 6],
-        write: |e, out| match &e.shape_pose_covariance {
-            Some(between) => (0..out.len()).for_each(|k| out[k] = between[(k / 6, k % 6)]),
-            None => out.fill(f64::NAN),
-        },
+        write: |e, out| write_shape_pose_covariance(e.shape_pose_covariance.as_ref(), out),
     },
     Field {
         name: "stage_costs",
@@ -59,6 +60,16 @@ pub(super) const COUNTS: [Field<Estimate, i64>; 4] = [
         write: |e, out| out.copy_from_slice(&e.stages.map(|s| s.iterations as i64)),
     },
 ];
+
+/// Of `NUMBERS`: what many objects do not keep, because it follows from the answer.
+pub(super) fn is_made_again(name: &str) -> bool {
+    matches!(name, "covariance" | "shape_covariance" | "shape_pose_covariance")
+}
+
+/// Of `NUMBERS`: what those follow from.
+pub(super) fn is_needed_again(name: &str) -> bool {
+    matches!(name, "R" | "t" | "inlier_threshold" | "noise_sigma" | "shape_coefficients")
+}
 
 /// The other reading of an object.
 pub(super) struct Other {
@@ -93,17 +104,24 @@ pub(super) const OTHERS: [Field<Other, f64>; 5] = [
     Field { name: "alternative_probability", shape: |_| vec![], write: |o, out| out[0] = o.probability },
 ];
 
-fn write_covariance(covariance: Option<&PoseCovariance>, out: &mut [f64]) {
+pub(super) fn write_covariance(covariance: Option<&PoseCovariance>, out: &mut [f64]) {
     match covariance {
         Some(covariance) => out.copy_from_slice(covariance.as_slice()),
         None => out.fill(f64::NAN),
     }
 }
 
-fn write_shape_covariance(estimate: &Estimate, out: &mut [f64]) {
+pub(super) fn write_shape_covariance(covariance: Option<&ShapeCovariance>, out: &mut [f64]) {
     let modes = out.len().isqrt();
-    match &estimate.shape_covariance {
+    match covariance {
         Some(covariance) => (0..out.len()).for_each(|k| out[k] = covariance[(k / modes, k % modes)]),
+        None => out.fill(f64::NAN),
+    }
+}
+
+pub(super) fn write_shape_pose_covariance(covariance: Option<&ShapePoseCovariance>, out: &mut [f64]) {
+    match covariance {
+        Some(between) => (0..out.len()).for_each(|k| out[k] = between[(k / 6, k % 6)]),
         None => out.fill(f64::NAN),
     }
 }

@@ -1,6 +1,7 @@
 //! The Python module `groundpose._core`: checks arrays, releases the GIL, maps errors. No mathematics.
 #![allow(missing_docs, reason = "documented in _core.pyi")]
 
+mod again;
 mod arrays;
 mod batch;
 mod classes;
@@ -12,11 +13,13 @@ mod models;
 mod observe;
 mod options;
 mod outputs;
+mod points;
 mod solvers;
 mod synthetic;
 mod threads;
 mod track;
 mod values;
+mod words;
 
 use pyo3::prelude::*;
 

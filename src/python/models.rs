@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use super::classes::{ModelData, PyModel};
+use super::observe::{Inputs, ModelOf};
 
 #[pyclass(frozen, name = "Models", module = "groundpose._core")]
 pub(crate) struct PyModels {
@@ -31,6 +32,27 @@ impl PyModels {
 }
 
 impl PyModels {
+    /// What is known of the objects of a call that were checked, without what was given of each.
+    pub(super) fn inputs<'a>(
+        &'a self,
+        keypoints: usize,
+        scores: Option<&'a [f64]>,
+        numbers: Option<&'a [i64]>,
+    ) -> Inputs<'a> {
+        let own = if self.only { ModelOf::Only } else { ModelOf::Own };
+        Inputs {
+            keypoints_2d: &[],
+            keypoints,
+            scores,
+            bboxes: None,
+            thresholds: None,
+            vehicle_probability: None,
+            viewing_angles: None,
+            models: &self.each,
+            model_of: numbers.map_or(own, ModelOf::Numbered),
+        }
+    }
+
     fn new(each: Vec<Arc<ModelData>>, only: bool) -> Self {
         let counts = || each.iter().map(|model| model.keypoints());
         Self {

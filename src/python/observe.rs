@@ -34,6 +34,15 @@ pub(super) enum ModelOf<'a> {
     Numbered(&'a [i64]),
 }
 
+impl<'a> ModelOf<'a> {
+    pub(super) fn numbers(self) -> Option<&'a [i64]> {
+        match self {
+            Self::Only | Self::Own => None,
+            Self::Numbered(numbers) => Some(numbers),
+        }
+    }
+}
+
 impl Inputs<'_> {
     pub(super) fn model(&self, i: usize) -> &ModelData {
         &self.models[match self.model_of {
@@ -43,12 +52,17 @@ impl Inputs<'_> {
         }]
     }
 
+    /// Keypoints and modes of an object's model.
+    pub(super) fn size_of(&self, i: usize) -> (usize, usize) {
+        (self.model(i).keypoints(), self.model(i).modes())
+    }
+
     fn keypoints_of(&self, i: usize) -> &[[f64; 2]] {
         &self.keypoints_2d[i * self.keypoints..(i + 1) * self.keypoints]
     }
 
     /// Calls `f` with the observation of object `i` with these keypoints; `None` where one of its numbers is not usable.
-    fn with<R>(&self, i: usize, keypoints: &[[f64; 2]], f: impl FnOnce(&Observation) -> R) -> Option<R> {
+    pub(super) fn with<R>(&self, i: usize, keypoints: &[[f64; 2]], f: impl FnOnce(&Observation) -> R) -> Option<R> {
         let model = self.model(i).shape_model();
         let count = model.keypoint_count();
         let scores = self.scores.map(|s| &s[i * self.keypoints..i * self.keypoints + count]);

@@ -132,6 +132,13 @@ def test_the_table_of_cases():
     assert others("bench")[0].name == TO_BEAT
 
 
+def test_a_quick_run_of_everything_takes_less_than_a_minute_and_a_half():
+    """As it says of itself before it begins; races and the speed of the core are in it, no builds."""
+    seconds = races.quick_seconds(case.group for case in cases.chosen(""))
+    assert 20.0 < seconds < 90.0
+    assert races.quick_seconds(["machine", "vehicles"]) < races.quick_seconds(["native"])
+
+
 def test_cars_have_the_shape_and_the_pose_they_say():
     objects = scenes.cars(5, 6, seed=3)
     assert len(objects.models) == 6
@@ -255,6 +262,7 @@ def measured(tmp_path_factory) -> Path:
     out, kept = folder / "bench.json", folder / "baseline.json"
     done = bench("--quick", "--only", "batch/10,overhead", "-o", out, "--save-baseline", kept)
     assert done.exit_code == 0, done.output
+    assert done.output.startswith("2 cases, a few turns of each: about 2 s\n")
     for told in (DEFAULT, "us per object", f"Numbers: {out}", f"Picture: {folder / 'bench.png'}"):
         assert told in done.output
     return folder

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from conftest import ARRAYS, MODEL, VIEW, assert_same, make_batch
 from groundpose import _core
+from groundpose.poses import _kept
 
 BATCH = make_batch(40, seed=21)
 SMALL = gp.ShapeModel(MODEL.keypoints_3d[:9], MODEL.bbox_3d)
@@ -243,3 +244,87 @@ def test_the_core_refuses_what_it_cannot_read():
         assert core.estimate(wrong) is None
     assert _core.Models.of((MODEL, 3)) is None
     assert core.estimate(CALL[0], np.zeros((3, 4))) is None
+
+
+LARGE = 800
+"""Objects of a call that keeps less: their residuals and covariances are made when they are asked for."""
+_LENS = gp.Camera(1000.0, 1000.0, 960.0, 540.0, distortion=(-0.1, 0.02, 0.0, 0.0, 0.0))
+_OFF = dataclasses.replace(VIEW, pitch=VIEW.pitch + 0.4, roll=VIEW.roll + 0.4)
+_SCORES = np.random.default_rng(1).uniform(-0.3, 1.0, CALL[0].shape[:2]).clip(0.0)
+MADE_AGAIN = {
+    "nothing more": {},
+    "single precision": {"keypoints_2d": CALL[0].astype(np.float32).astype(float)},
+    "scores": {"keypoint_scores": _SCORES},
+    "shapes": {"models": SHAPED},
+    "each its model": {"models": (MODEL, SHAPED) * 20},
+    "a lens": {"view": dataclasses.replace(VIEW, camera=_LENS)},
+    "a tilt of its own": {"frame_tilt_sigma": 0.05},
+    "a wrong tilt": {"view": _OFF},
+    "no covariance": {"options": gp.Options(covariance=False)},
+    "three keypoints": {"options": gp.Options(solver="p3p")},
+}
+
+
+def few_and_many(changes):
+    """The same objects in a small call, and as the first ones of a large one."""
+    few = {"view": VIEW, "keypoints_2d": CALL[0], "bboxes": CALL[1], "models": MODEL, **changes}
+    more, many = LARGE - 40, dict(few)
+    many["keypoints_2d"] = np.concatenate([few["keypoints_2d"], np.full((more, 24, 2), np.nan)])
+    many["bboxes"] = np.concatenate([CALL[1], np.tile(CALL[1][:1], (more, 1))])
+    if "keypoint_scores" in few:
+        many["keypoint_scores"] = np.concatenate([_SCORES, np.ones((more, 24))])
+    if isinstance(few["models"], tuple):
+        many["models"] = few["models"] + few["models"][:1] * more
+    return gp.estimate_poses(**few, threads=2), gp.estimate_poses(**many, threads=2)
+
+
+def bits(poses, name):
+    return np.ascontiguousarray(getattr(poses, name)[:40]).tobytes()
+
+
+@pytest.mark.parametrize("changes", MADE_AGAIN.values(), ids=MADE_AGAIN)
+def test_what_large_calls_make_later_has_the_same_bits(changes):
+    few, many = few_and_many(changes)
+    for name in ("R", "residuals", "covariance", *ARRAYS, "keypoints_2d", "bboxes"):
+        assert bits(few, name) == bits(many, name), name
+    assert np.isnan(many.residuals[40:]).all()
+    assert not many.inlier_mask[40:].any()
+
+
+def test_a_wrong_tilt_has_answers_without_the_ground():
+    """Otherwise the case of that name would show nothing."""
+    few, _ = few_and_many(MADE_AGAIN["a wrong tilt"])
+    assert 0 < (few.solver == "p3p").sum() < 40
+
+
+def test_what_the_caller_changes_afterwards_changes_nothing_that_is_made_later():
+    numbers = np.zeros(LARGE, dtype=np.int64)
+    keypoints = np.concatenate([CALL[0], np.full((LARGE - 40, 24, 2), np.nan)])
+    boxes = np.concatenate([CALL[1], np.tile(CALL[1][:1], (LARGE - 40, 1))])
+    scores = np.ones((LARGE, 24))
+    estimator = gp.Estimator(VIEW, (MODEL, SHAPED))
+    expected, poses = (estimator(keypoints, boxes, scores, numbers) for _ in range(2))
+    vars(expected)
+    keypoints[:], boxes[:], scores[:], numbers[:] = 1.0, 2.0, 0.5, 1
+    for name in ("R", "t", "keypoints_2d", "bboxes", "inlier_threshold", "noise_sigma"):
+        getattr(poses, name)[:] = 3.0
+    poses.shape_coefficients[:] = 4.0
+    assert poses.models == (MODEL,) * LARGE
+    for name in ("residuals", "inlier_mask", "covariance"):
+        assert bits(poses, name) == bits(expected, name), name
+
+
+def test_threads_that_ask_a_large_batch_get_the_same_arrays():
+    for _ in range(5):
+        _, poses = few_and_many({})
+        with ThreadPoolExecutor(4) as pool:
+            found = list(pool.map(lambda p: (p.R, p.residuals, p.covariance, p.keypoints_2d), [poses] * 8))
+        assert len({tuple(map(id, arrays)) for arrays in found}) == 1
+        assert vars(poses)["covariance"] is poses.covariance
+
+
+def test_fields_of_few_objects_come_together_after_some():
+    poses = gp.Estimator(VIEW, MODEL)(*CALL)
+    for name in ("R", "t", "status", "yaw", "ok", "residuals"):
+        getattr(poses, name)
+    assert "covariance" in _kept(poses)

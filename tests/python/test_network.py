@@ -315,3 +315,24 @@ def test_the_command_line_has_providers(path, tmp_path):
         result = CliRunner().invoke(app, command, catch_exceptions=False)
         assert (result.exit_code == 2) == (status == 2), result.stderr
     assert "providers: expected execution providers of" in result.stderr
+
+
+def test_crops_are_asked_few_at_a_time_and_none_alone():
+    for count in range(2, 65):
+        places = [0, *network_module.cuts(count), count]
+        sizes = np.diff(places)
+        assert all(2 <= size <= network_module.MOST_AT_ONCE for size in sizes)
+        assert all(place % 4 == 0 for place in places[:-1])
+
+
+@pytest.mark.parametrize("count", [9, 13, 16])
+def test_crops_asked_in_parts_have_the_bits_of_one_call(count):
+    network = Network("int8", threads=1)
+    crops = np.random.default_rng(count).integers(
+        0, 256, (count, network.codec.height, network.codec.width, 3)
+    )
+    crops = crops.astype(np.uint8)
+    found = network.detect(crops)
+    whole = Detections.of(*network._file.run(network_module.OUTPUTS[network.version], crops=crops))
+    for field in dataclasses.fields(Detections):
+        np.testing.assert_array_equal(getattr(found, field.name), getattr(whole, field.name))

@@ -1,5 +1,6 @@
 """The stubs of the compiled module say what the module has, and the package says it is typed."""
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import groundpose
 import numpy as np
 import pytest
-from conftest import ARRAYS, CAMERA, MODEL, VIEW
+from conftest import CAMERA, MODEL, VIEW
 from groundpose import _core
 from groundpose.lens import LENSES
 
@@ -24,9 +25,14 @@ def test_stubs_have_the_names_and_signatures_of_the_module(tmp_path):
 def test_results_of_the_core_are_the_fields_of_the_batch():
     estimator = _core.Estimator(VIEW._handle, _core.Models.of(MODEL), _core.Options(), threads=1)
     answers = estimator.estimate(np.zeros((2, 24, 2)))
-    assert set(answers.names) == (set(ARRAYS) - {"ok"}) | {"keypoints_2d", "bboxes"}
+    known = {"view", "nominal_view", "models", "error_dof"}
+    assert set(answers.names) == {field.name for field in dataclasses.fields(groundpose.PoseBatch)} - known
     assert all(len(answers.array(name)) == 2 for name in answers.names)
-    assert answers.array("ok") is None
+    assert answers.array("models") is None
+    fields = {"t": None}
+    answers.fill(fields)
+    assert fields.pop("t") is None
+    assert set(fields) == set(answers.names) - {"t"}
 
 
 def test_types_of_attributes_are_those_of_the_stubs():

@@ -38,8 +38,7 @@ def estimate(
     estimator = _core.Estimator(core_view(view), _core.Models.of(model), fields, thresholds, 1)
     answers = estimator.estimate(np.ascontiguousarray(pixels)[None], np.ascontiguousarray(bbox)[None])
     assert answers is not None
-    one = {name: answers.array(name)[0] for name in answers.names}
-    return one | {"status": _core.STATUS[one["status"]]}
+    return {name: answers.array(name)[0] for name in answers.names}
 
 
 def estimate_scene(scene: Scene, basis: Array | None, threshold: float, **options: Any) -> dict[str, Any]:

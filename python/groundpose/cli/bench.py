@@ -27,7 +27,8 @@ def bench(
         ),
     ] = "",
     quick: Annotated[
-        bool, typer.Option("--quick", help="Few objects, few turns: whether it runs, not how fast.")
+        bool,
+        typer.Option("--quick", help="Few objects, few turns: whether it runs, not how fast; half a minute."),
     ] = False,
     instructions: Annotated[
         bool,
@@ -85,7 +86,7 @@ def _bench(
     from groundpose.lab.bench import baseline, tell
     from groundpose.lab.bench import figure as drawing
     from groundpose.lab.bench.cases import chosen
-    from groundpose.lab.bench.races import QUICK, Effort
+    from groundpose.lab.bench.races import QUICK, Effort, quick_seconds
 
     picture = figure or out.with_suffix(".png")
     check_path(picture)
@@ -97,6 +98,8 @@ def _bench(
         cases = chosen(only, instructions, native)
     except ValueError as error:
         raise TypeError(str(error)) from error  # a usage error: one line and status 2
+    if quick:
+        show(f"{len(cases)} cases, a few turns of each: about {quick_seconds(c.group for c in cases):.0f} s")
     content = _measured(out, cases, replace(QUICK if quick else Effort(), seed=seed), fresh)
     if (table := tell.target_table(content["cases"])).row_count and not quick:
         console().print(table)

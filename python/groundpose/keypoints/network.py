@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from os import PathLike, fspath
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundpose._checks import input_error, type_error
 from groundpose._checks import threads as checked_threads
@@ -39,6 +41,10 @@ CERTAINTY = "certainty"
 """Metadata key of `Certainty.numbers`, as JSON."""
 _MOST_PIXELS, _WIDEST_MARGIN = 2048, 4.0
 """Bounds of a crop's sides and margin: a damaged file must not ask for gigabytes."""
+MOST_AT_ONCE = 8
+"""Crops of a call of onnxruntime on the CPU, during which Ctrl-C waits: more take hardly less time each."""
+_ROWS = 4
+"""Crops that its kernels take together: calls cut elsewhere, or of one alone, may round otherwise."""
 VEHICLE_THRESHOLD = 0.5
 """For files without the metadata key `vehicle_threshold`."""
 MODELS = Path(__file__).parent / "models"
@@ -154,8 +160,23 @@ class Network:
         names = OUTPUTS[self.version]
         if len(crops) == 0:
             return Detections.of(*(np.zeros((0, *_LENGTHS[name])) for name in _FIRST_OUTPUTS))
+        if self.providers is not None or len(crops) <= MOST_AT_ONCE:
+            return Detections.of(*self._answers(names, crops))
+        parts = [self._answers(names, part) for part in np.split(crops, cuts(len(crops)))]
+        return Detections.of(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+    def _answers(self, names: Sequence[str], crops: ByteArray) -> list[NDArray[Any]]:
+        """The outputs of one call. Raises InputError where they are not as the file says."""
         answers = self._file.run(names, crops=crops)
         for name, answer in zip(names, answers, strict=True):
             if answer.shape != (len(crops), *_LENGTHS[name]):
                 self._file.fail(f"{len(crops)} rows {_LENGTHS[name]} of {name}", answer.shape)
-        return Detections.of(*answers)
+        return answers
+
+
+def cuts(crops: int) -> list[int]:
+    """Where so many crops are cut, such that no call has one alone."""
+    places = list(range(MOST_AT_ONCE, crops, MOST_AT_ONCE))
+    if places and crops - places[-1] == 1:
+        places[-1] -= _ROWS
+    return places

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -45,6 +45,15 @@ class Effort:
 
 QUICK = Effort(objects=8, rounds=2, fewest=2, seconds=0.02, chunk_seconds=0.01, largest_batch=40, quick=True)
 """Whether everything runs, not how fast: for tests."""
+QUICK_SECONDS = {"machine": 6.0, "instructions": 600.0, "native": 300.0}
+"""What such a case takes on two slow cores: those that are no races; the last two build and count."""
+QUICK_RACE = 1.0
+"""What a race then takes, most of it the making of objects and the import of libraries."""
+
+
+def quick_seconds(groups: Iterable[str]) -> float:
+    """What a quick run of cases of these groups takes."""
+    return sum(QUICK_SECONDS.get(group, QUICK_RACE) for group in groups)
 
 
 @dataclass(frozen=True)

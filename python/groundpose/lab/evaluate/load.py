@@ -132,7 +132,8 @@ def run_once(arguments: list[str], checkout: Path) -> dict[str, Any]:
             [sys.executable, *arguments], env=environment, stdout=subprocess.PIPE, stderr=errors
         )
         assert process.stdout is not None
-        told = process.stdout.read().decode()
+        with process.stdout:
+            told = process.stdout.read().decode()
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode:
