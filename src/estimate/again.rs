@@ -1,5 +1,5 @@
 //! What follows from an object and its answer, computed again where many answers are kept: most of what an answer
-//! consists of, in a tenth of the time that it took to find.
+//! consists of, in an eighth of the time that it took to find.
 
 use crate::error::NoPose;
 use crate::estimate::attempt::options_that_found;

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import time
@@ -115,12 +116,12 @@ def main() -> None:
         print(json.dumps(measured(*json.loads(asked.one))))
         return
     content: dict[str, Any] = {"machine": report.machine(), "versions": report.versions()}
+    content["load at the beginning"] = round(os.getloadavg()[0], 1)
     content["rows"] = [_in_a_process(size) for size in track(sizes(asked.quick), "objects", transient=True)]
+    _store(asked.out, content)
     several = track(image_sizes(asked.quick), "images", transient=True)
     content["images"] = [growth_images.measured(*size) for size in several]
-    asked.out.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(asked.out, "w") as file:
-        json.dump(content, file, indent=1)
+    _store(asked.out, content)
     print(f"{len(content['rows']) + len(content['images'])} sizes: {asked.out.resolve()}")
     figure = asked.out.with_suffix(".png") if asked.figure is None else asked.figure
     limits = growth_page.limits(content, report.read_json(growth_page.BENCH))
@@ -129,6 +130,12 @@ def main() -> None:
     if asked.page is not None:
         growth_page.write_page(asked.page, content, report.read_json(growth_page.BENCH))
         print(f"tables: {asked.page.resolve()}")
+
+
+def _store(path: Path, content: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path, "w") as file:
+        json.dump(content, file, indent=1)
 
 
 def _in_a_process(size: Size) -> dict[str, Any]:

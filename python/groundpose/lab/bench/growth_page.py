@@ -22,6 +22,8 @@ _STAGES = (
     "refinement default (with a second search where needed)",
     "covariance",
 )
+_BUSY = 0.5
+"""Average number of processes that run, above which others are at work."""
 Content = dict[str, Any]
 
 
@@ -131,7 +133,7 @@ def single_precision(content: Content) -> str:
 def blocks(bench: Content) -> Blocks:
     """Tables of the page by the name in their marks."""
     return {
-        "machine": lambda content: f"Measured on {content['machine']}.",
+        "machine": _machine,
         "objects": lambda content: report.table(of_objects(content)),
         "single": single_precision,
         "keypoints": lambda content: report.table(of_keypoints(content)),
@@ -143,6 +145,12 @@ def blocks(bench: Content) -> Blocks:
 def write_page(page: Path, content: Content, bench: Content) -> None:
     """Make the tables of the page anew."""
     write_text(page, filled(page.read_text("utf-8"), content, blocks(bench)))
+
+
+def _machine(content: Content) -> str:
+    load = content["load at the beginning"]
+    busy = " Others used it too: times are longer than its own." if load > _BUSY else ""
+    return f"Measured on {content['machine']}, with a load of {load:g} at the beginning.{busy}"
 
 
 def _vehicles(content: Content) -> list[Content]:
