@@ -1,8 +1,16 @@
 """The measures of `groundpose evaluate tracks`."""
 
+import json
+from dataclasses import replace
+
+import groundpose as gp
 import numpy as np
+import pytest
+from groundpose.lab.evaluate.tracks.drive import DriveVideo, moved, without_motion
 from groundpose.lab.evaluate.tracks.errors import PASSAGE, Said, passages
-from groundpose.lab.evaluate.tracks.sequence import Truth
+from groundpose.lab.evaluate.tracks.measure import drive_sets
+from groundpose.lab.evaluate.tracks.rivals import Kalman, Plain, see_from
+from groundpose.lab.evaluate.tracks.sequence import Sequence, SequenceFrame, Truth
 
 
 def said(speeds):
@@ -50,3 +58,62 @@ def test_a_passage_is_the_mean_of_a_vehicle_that_drives_and_is_seen_often():
             given[k] = np.nan
     found = passages(said(given), truth(vehicles, true))
     np.testing.assert_allclose(found, [3.6 * 1.0])
+
+
+def frame(time, ids, places, ego=(0.0, 0.0, 0.0)):
+    known = truth(ids, [20.0] * len(ids))
+    return SequenceFrame(time, None, None, None, replace(known, place=np.array(places, float)), ego)
+
+
+def test_speeds_are_relative_to_a_camera_whose_motion_is_not_known():
+    # The first drives 5 m/s faster than the camera, the second comes nearer, the third is seen once.
+    frames = [frame(0.5 * k, [1, 2], [[0.0, 20.0 + 2.5 * k], [3.0, 60.0 - 10.0 * k]]) for k in range(3)]
+    frames.append(frame(1.5, [1, 2, 3], [[0.0, 27.5], [3.0, 30.0], [9.0, 9.0]]))
+    view = gp.View(gp.Camera(fx=1000.0, fy=1000.0, cx=640.0, cy=360.0))
+    found = without_motion(Sequence("drive", view, frames, "odometry"))
+    assert found.camera_motion == "unknown"
+    for made in found.frames:
+        np.testing.assert_allclose(made.truth.speed[:2], [5.0, -20.0])
+    assert np.isnan(found.frames[3].truth.speed[2])
+    assert frames[0].truth.speed[0] == 20.0, "the sequence itself stays as it is"
+
+
+def test_the_plain_filter_has_the_odometry_too():
+    where, velocity, heading = np.array([4.0, 30.0]), np.array([2.0, 9.0]), 0.3
+    ego = (1.0, 5.0, 0.2)
+    spread = np.diag([1.0, 4.0, 0.1, 0.2])
+    track = Plain(
+        Kalman(np.concatenate([where, velocity]), spread), Kalman(np.array([heading, 0.1]), np.eye(2)), 1, 0.0
+    )
+    see_from(track, ego)
+    before = moved((0.0, 0.0, 0.0), ego)
+    assert before == pytest.approx(ego)
+    right, forward = track.place.x[:2]
+    s, c = np.sin(ego[2]), np.cos(ego[2])
+    # Back in the plane of before.
+    back = np.array([ego[0] + right * c + forward * s, ego[1] + forward * c - right * s])
+    np.testing.assert_allclose(back, where)
+    vx, vz = track.place.x[2:]
+    np.testing.assert_allclose([vx * c + vz * s, vz * c - vx * s], velocity)
+    assert track.heading.x[0] == pytest.approx(heading - ego[2])
+    assert np.linalg.det(track.place.P) == pytest.approx(np.linalg.det(spread))
+
+
+@pytest.mark.parametrize("standing", [True, False])
+def test_a_video_of_a_moving_camera_is_measured_with_odometry_and_without(tmp_path, standing):
+    record = {"_time": 0.0, "_odometry": {"standing": standing}}
+    (tmp_path / "labels.jsonl").write_text(json.dumps(record) + "\n")
+    alone, known = (DriveVideo(tmp_path, None, frame=frame) for frame in (None, gp.FramePriors()))
+    names = [name for name, _ in (*drive_sets(alone, "alone"), *drive_sets(known, "height known"))]
+    name = f"drive {tmp_path.name}, vehicles"
+    if standing:
+        assert names == [f"{name} alone", f"{name} height known"]
+    else:
+        wanted = ["alone, odometry", "height known, odometry", "height known, motion unknown"]
+        assert names == [f"{name} {what}" for what in wanted]
+
+
+def test_a_folder_that_is_no_video_is_an_error(tmp_path):
+    (tmp_path / "labels.jsonl").write_text("{}\n")
+    with pytest.raises(gp.InputError, match="a video of groundpose simulate --video"):
+        next(drive_sets(DriveVideo(tmp_path, None), "alone"))

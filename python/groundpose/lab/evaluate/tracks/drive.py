@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,8 @@ class DriveVideo:
     Args:
         folder: the folder.
         pipeline: finds keypoints and poses.
-        tilt: "nominal", or "true": as after a calibration.
+        tilt: "nominal"; "true": of each frame; "calibrated": the mean of the true ones, as of a car that
+            sways and whose camera was calibrated.
         frame: what is known of each frame; None: every vehicle alone.
         seed: of the detector's boxes.
     """
@@ -46,26 +47,35 @@ class DriveVideo:
         """Its frames. Raises OSError, InputError for a folder that is none."""
         lines = (self.folder / "labels.jsonl").read_text(encoding="utf-8").splitlines()[:limit]
         records = [json.loads(line) for line in lines]
-        if not records or "_time" not in records[0]:
-            raise input_error(str(self.folder), "a video of groundpose simulate --video", "another folder")
-        standing = records[0]["_odometry"]["standing"]
-        view = self._view(records[0])
-        found = Sequence(self.folder.name, view, [], "static" if standing else "odometry")
-        for k, record in enumerate(records):
-            found.frames.append(self._frame(record))
+        standing = _of_video(records[0] if records else {}, self.folder)["_odometry"]["standing"]
+        calibrated = self.tilt == "calibrated"
+        views = [self._calibrated(records)] * len(records) if calibrated else map(self._view, records)
+        found = Sequence(self.folder.name, self._view(records[0]), [], "static" if standing else "odometry")
+        for k, (record, view) in enumerate(zip(records, views, strict=True)):
+            found.frames.append(self._frame(record, view))
             if advance is not None:
                 advance(k + 1)
         return found
 
+    @property
+    def moves(self) -> bool:
+        """Whether its camera does. Raises OSError, InputError for a folder that is none."""
+        with (self.folder / "labels.jsonl").open(encoding="utf-8") as file:
+            return not _of_video(json.loads(next(file, "{}")), self.folder)["_odometry"]["standing"]
+
     def _view(self, record: dict[str, Any]) -> gp.View:
-        told = record["_tilt"] if self.tilt == "true" else record
+        told = record if self.tilt == "nominal" else record["_tilt"]
         c = record["camera"]
         camera = gp.Camera(c["fx"], c["fy"], c["cx"], c["cy"], image_size=tuple(c["image_size"]))
         height = None if self.frame is None else record["_tilt"]["camera_height"]
         return gp.View(camera, math.radians(told["pitch_deg"]), math.radians(told["roll_deg"]), height)
 
-    def _frame(self, record: dict[str, Any]) -> SequenceFrame:
-        view = self._view(record)
+    def _calibrated(self, records: list[dict[str, Any]]) -> gp.View:
+        views = [self._view(record) for record in records]
+        pitch, roll = (float(np.mean([getattr(view, name) for view in views])) for name in ("pitch", "roll"))
+        return gp.View(views[0].camera, pitch, roll, views[0].height)
+
+    def _frame(self, record: dict[str, Any], view: gp.View) -> SequenceFrame:
         items = [item for item in record["objects"] if _is_found(item)]
         exact = np.array([item["bbox"] for item in items]).reshape(-1, 4)
         levels = np.array([item["_occlusion"] for item in items], dtype=np.int64)
@@ -81,6 +91,38 @@ class DriveVideo:
             truth=truth_of(record, poses.view),
             ego=place_of(record),
         )
+
+
+def _of_video(record: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The record, if it is one of a video's frames."""
+    if "_time" not in record:
+        raise input_error(str(folder), "a video of groundpose simulate --video", "another folder")
+    return record
+
+
+def without_motion(sequence: Sequence) -> Sequence:
+    """The same when nobody says how the camera moves: true speeds are then relative to it, as those that a
+    tracker says are."""
+    frames = sequence.frames
+    told = []
+    for k, frame in enumerate(frames):
+        near = [frames[i] for i in (max(k - 1, 0), min(k + 1, len(frames) - 1))]
+        told.append(replace(frame, truth=replace(frame.truth, speed=_relative_speeds(frame, near))))
+    return replace(sequence, frames=told, camera_motion="unknown")
+
+
+def _relative_speeds(frame: SequenceFrame, near: list[SequenceFrame]) -> FloatArray:
+    """(M,) m/s along the heading, from places before and after; NaN of one that is in one frame alone."""
+    truth, speeds = frame.truth, np.full(len(frame.truth.id), np.nan)
+    three = (near[0], frame, near[1])
+    places = [(f.time, dict(zip(f.truth.id.tolist(), f.truth.place, strict=True))) for f in three]
+    for row, vehicle in enumerate(truth.id.tolist()):
+        known = [(time, place[vehicle]) for time, place in places if vehicle in place]
+        (start, first), (end, last) = known[0], known[-1]
+        if end > start:
+            along = np.array([np.sin(truth.heading[row]), np.cos(truth.heading[row])])
+            speeds[row] = (last - first) @ along / (end - start)
+    return speeds
 
 
 def _is_found(item: dict[str, Any]) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import numpy as np
 
 import groundpose as gp
 from groundpose.lab.evaluate import report
-from groundpose.lab.evaluate.tracks.drive import DriveVideo, moved
+from groundpose.lab.evaluate.tracks.drive import DriveVideo, moved, without_motion
 from groundpose.lab.evaluate.tracks.errors import Errors, Said, passages, truth_of
 from groundpose.lab.evaluate.tracks.identity import identity
 from groundpose.lab.evaluate.tracks.kitti import FRAME_INTERVAL, KittiSequences
@@ -90,8 +92,20 @@ def sets(data: Path | None, videos: list[Path]) -> Iterator[tuple[str, Callable[
         pipeline = gp.Pipeline()
         for video in videos:
             for name, frame in (("alone", None), ("height known", gp.FramePriors())):
-                made = DriveVideo(video, pipeline, "true", frame)
-                yield f"drive {video.name}, vehicles {name}", lambda made=made: [made.sequence()]  # type: ignore[misc]
+                yield from drive_sets(DriveVideo(video, pipeline, "true", frame), name)
+
+
+def drive_sets(video: DriveVideo, known: str) -> Iterator[tuple[str, Callable[[], list[Sequence]]]]:
+    """A camera that stands; or one that moves, with odometry, and without where the heights of vehicles are
+    known."""
+    name = f"drive {video.folder.name}, vehicles {known}"
+    if not video.moves:
+        yield name, lambda: [video.sequence()]
+        return
+    read = cache(replace(video, tilt="calibrated").sequence)
+    yield f"{name}, odometry", lambda: [read()]
+    if video.frame is not None:
+        yield f"{name}, motion unknown", lambda: [without_motion(read())]
 
 
 def run(data: Path | None, videos: list[Path], say: Callable[[str], None]) -> dict[str, Any]:
