@@ -117,7 +117,7 @@ fn coverage(smooth: bool, turning: f64) -> [f64; 3] {
         for k in 0..50 {
             let own = options.own_fraction;
             let errors = [
-                scale + sigma_d * ((0.5 * slow).sqrt() * d + (0.5 * own).sqrt() * random.normal()),
+                scale + sigma_d * ((0.25 * slow).sqrt() * d + (0.5 * own).sqrt() * random.normal()),
                 random.normal(),
                 sigma_h * (slow.sqrt() * h + own.sqrt() * random.normal()),
             ];

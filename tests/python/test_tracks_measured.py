@@ -6,6 +6,7 @@ from dataclasses import replace
 import groundpose as gp
 import numpy as np
 import pytest
+from groundpose.lab.evaluate.tracks.calibrated import mean_view, road_view, view_of
 from groundpose.lab.evaluate.tracks.drive import DriveVideo, moved, without_motion
 from groundpose.lab.evaluate.tracks.errors import PASSAGE, Said, passages
 from groundpose.lab.evaluate.tracks.measure import drive_sets
@@ -103,17 +104,44 @@ def test_the_plain_filter_has_the_odometry_too():
 def test_a_video_of_a_moving_camera_is_measured_with_odometry_and_without(tmp_path, standing):
     record = {"_time": 0.0, "_odometry": {"standing": standing}}
     (tmp_path / "labels.jsonl").write_text(json.dumps(record) + "\n")
-    alone, known = (DriveVideo(tmp_path, None, frame=frame) for frame in (None, gp.FramePriors()))
-    names = [name for name, _ in (*drive_sets(alone, "alone"), *drive_sets(known, "height known"))]
-    name = f"drive {tmp_path.name}, vehicles"
+    names = [
+        name.removeprefix(f"drive {tmp_path.name}, ") for name, _ in drive_sets(DriveVideo(tmp_path, None))
+    ]
     if standing:
-        assert names == [f"{name} alone", f"{name} height known"]
+        assert names == ["vehicles alone", "vehicles height known", "camera calibrated"]
     else:
-        wanted = ["alone, odometry", "height known, odometry", "height known, motion unknown"]
-        assert names == [f"{name} {what}" for what in wanted]
+        known = "vehicles height known"
+        assert names == ["vehicles alone, odometry", f"{known}, odometry", f"{known}, motion unknown"]
+
+
+def test_a_calibration_knows_the_road_that_vehicles_stand_on():
+    # Seen from 8 m above a road that falls away: 1 m in 50 forward, 1 m in 40 to the right.
+    tilt = {"pitch_deg": -20.0, "roll_deg": 2.0, "camera_height": 8.0}
+    camera = {"fx": 1000.0, "fy": 1000.0, "cx": 640.0, "cy": 360.0, "image_size": [1280, 720]}
+    ground = view_of({"camera": camera}, tilt, None).R_camera_from_ground
+    places = [(-5.0, 20.0), (6.0, 40.0), (-8.0, 60.0), (3.0, 75.0), (4.0, 500.0)]
+    box = [[-1.0, -1.5, -2.0], [1.0, 0.0, 2.0]]
+    items = [
+        {
+            "_bbox_3d": box,
+            "truth": {"R": ground.tolist(), "t": (ground @ [x, 8.0 + x / 40 + z / 50, z]).tolist()},
+        }
+        for x, z in places
+    ]
+    items[-1]["truth"]["t"] = (ground @ [4.0, -30.0, 500.0]).tolist()  # too far to be seen
+    view = road_view([{"camera": camera, "_tilt": tilt, "objects": items}])
+    assert view.height == pytest.approx(8.0 / np.sqrt(1 + 1 / 40**2 + 1 / 50**2))
+    down = ground.T @ view.R_camera_from_ground[:, 1]
+    np.testing.assert_allclose(down / down[1], [-1 / 40, 1.0, -1 / 50], atol=1e-9)
+
+
+def test_a_moving_camera_was_calibrated_as_it_is_mounted():
+    camera = gp.Camera(fx=1000.0, fy=1000.0, cx=640.0, cy=360.0)
+    mean = mean_view([gp.View(camera, -0.03, 0.01, 1.4), gp.View(camera, 0.01, 0.03, 1.4)])
+    assert (mean.pitch, mean.roll, mean.height) == pytest.approx((-0.01, 0.02, 1.4))
 
 
 def test_a_folder_that_is_no_video_is_an_error(tmp_path):
     (tmp_path / "labels.jsonl").write_text("{}\n")
     with pytest.raises(gp.InputError, match="a video of groundpose simulate --video"):
-        next(drive_sets(DriveVideo(tmp_path, None), "alone"))
+        next(drive_sets(DriveVideo(tmp_path, None)))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,9 @@ import numpy as np
 import groundpose as gp
 from groundpose._checks import FloatArray, input_error
 from groundpose.keypoints.image import as_rgb
+from groundpose.keypoints.pipeline import Look
 from groundpose.lab.evaluate.simulated.box_noise import draw_boxes
+from groundpose.lab.evaluate.tracks.calibrated import bottoms, mean_view, road_view, view_of
 from groundpose.lab.evaluate.tracks.sequence import Sequence, SequenceFrame, Truth
 
 LEAST_PX = 16.0
@@ -31,8 +33,8 @@ class DriveVideo:
     Args:
         folder: the folder.
         pipeline: finds keypoints and poses.
-        tilt: "nominal"; "true": of each frame; "calibrated": the mean of the true ones, as of a car that
-            sways and whose camera was calibrated.
+        tilt: "nominal"; "true": of each frame; "calibrated": one for all frames, of a camera that stands
+            against the road that its vehicles stand on, else the mean of the true ones.
         frame: what is known of each frame; None: every vehicle alone.
         seed: of the detector's boxes.
     """
@@ -42,15 +44,18 @@ class DriveVideo:
     tilt: str = "true"
     frame: gp.FramePriors | None = None
     seed: int = 0
+    looks: dict[int, Look] = field(default_factory=dict, compare=False)
+    """What the network saw, by the frame's number: of the same pictures and boxes, whatever else is known."""
 
     def sequence(self, limit: int | None = None, advance: Callable[[int], None] | None = None) -> Sequence:
         """Its frames. Raises OSError, InputError for a folder that is none."""
         lines = (self.folder / "labels.jsonl").read_text(encoding="utf-8").splitlines()[:limit]
         records = [json.loads(line) for line in lines]
         standing = _of_video(records[0] if records else {}, self.folder)["_odometry"]["standing"]
-        calibrated = self.tilt == "calibrated"
-        views = [self._calibrated(records)] * len(records) if calibrated else map(self._view, records)
-        found = Sequence(self.folder.name, self._view(records[0]), [], "static" if standing else "odometry")
+        views = [self._view(record) for record in records]
+        if self.tilt == "calibrated":
+            views = [road_view(records) if standing else mean_view(views)] * len(records)
+        found = Sequence(self.folder.name, views[0], [], "static" if standing else "odometry")
         for k, (record, view) in enumerate(zip(records, views, strict=True)):
             found.frames.append(self._frame(record, view))
             if advance is not None:
@@ -65,15 +70,7 @@ class DriveVideo:
 
     def _view(self, record: dict[str, Any]) -> gp.View:
         told = record if self.tilt == "nominal" else record["_tilt"]
-        c = record["camera"]
-        camera = gp.Camera(c["fx"], c["fy"], c["cx"], c["cy"], image_size=tuple(c["image_size"]))
-        height = None if self.frame is None else record["_tilt"]["camera_height"]
-        return gp.View(camera, math.radians(told["pitch_deg"]), math.radians(told["roll_deg"]), height)
-
-    def _calibrated(self, records: list[dict[str, Any]]) -> gp.View:
-        views = [self._view(record) for record in records]
-        pitch, roll = (float(np.mean([getattr(view, name) for view in views])) for name in ("pitch", "roll"))
-        return gp.View(views[0].camera, pitch, roll, views[0].height)
+        return view_of(record, told, None if self.frame is None else record["_tilt"]["camera_height"])
 
     def _frame(self, record: dict[str, Any], view: gp.View) -> SequenceFrame:
         items = [item for item in record["objects"] if _is_found(item)]
@@ -81,8 +78,7 @@ class DriveVideo:
         levels = np.array([item["_occlusion"] for item in items], dtype=np.int64)
         size = (record["camera"]["image_size"][0], record["camera"]["image_size"][1])
         boxes = draw_boxes(exact, levels, size, self.seed + record["id"]) if items else exact
-        image = as_rgb(self.folder / record["image"])
-        poses = self.pipeline(image, boxes, view, frame=self.frame)
+        poses = self.pipeline.solve(self._look(record, boxes, view), frame=self.frame)
         return SequenceFrame(
             time=record["_time"],
             poses=poses,
@@ -91,6 +87,12 @@ class DriveVideo:
             truth=truth_of(record, poses.view),
             ego=place_of(record),
         )
+
+    def _look(self, record: dict[str, Any], boxes: FloatArray, view: gp.View) -> Look:
+        if record["id"] not in self.looks:
+            image = as_rgb(self.folder / record["image"])
+            self.looks[record["id"]] = self.pipeline.look(image, boxes, view)
+        return replace(self.looks[record["id"]], view=view)
 
 
 def _of_video(record: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -150,14 +152,11 @@ def truth_of(record: dict[str, Any], view: gp.View) -> Truth:
     items, ground = record["objects"], view.R_camera_from_ground
     R = np.array([item["truth"]["R"] for item in items]).reshape(-1, 3, 3)
     boxes = np.array([item["_bbox_3d"] for item in items]).reshape(-1, 2, 3)
-    middle: FloatArray = boxes.mean(axis=1)
-    middle[:, 1] = boxes[:, 1, 1]
-    t = (R @ middle[..., None])[..., 0] + np.array([item["truth"]["t"] for item in items]).reshape(-1, 3)
     ahead = R[:, :, 2] @ ground
     sides = (boxes[:, 1] - boxes[:, 0])[:, [2, 1, 0]]
     return Truth(
         id=np.array([item["id"] for item in items], dtype=np.int64),
-        place=(t @ ground)[:, [0, 2]],
+        place=(bottoms(record) @ ground)[:, [0, 2]],
         heading=np.arctan2(ahead[:, 0], ahead[:, 2]),
         size=sides,
         bbox=np.array([item["bbox"] for item in items]).reshape(-1, 4),

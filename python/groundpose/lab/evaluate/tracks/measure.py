@@ -13,6 +13,7 @@ import numpy as np
 
 import groundpose as gp
 from groundpose.lab.evaluate import report
+from groundpose.lab.evaluate.tracks.calibrated import PRIORS
 from groundpose.lab.evaluate.tracks.drive import DriveVideo, moved, without_motion
 from groundpose.lab.evaluate.tracks.errors import Errors, Said, passages, truth_of
 from groundpose.lab.evaluate.tracks.identity import identity
@@ -91,21 +92,25 @@ def sets(data: Path | None, videos: list[Path]) -> Iterator[tuple[str, Callable[
     if videos:
         pipeline = gp.Pipeline()
         for video in videos:
-            for name, frame in (("alone", None), ("height known", gp.FramePriors())):
-                yield from drive_sets(DriveVideo(video, pipeline, "true", frame), name)
+            yield from drive_sets(DriveVideo(video, pipeline))
 
 
-def drive_sets(video: DriveVideo, known: str) -> Iterator[tuple[str, Callable[[], list[Sequence]]]]:
-    """A camera that stands; or one that moves, with odometry, and without where the heights of vehicles are
-    known."""
-    name = f"drive {video.folder.name}, vehicles {known}"
+def drive_sets(video: DriveVideo) -> Iterator[tuple[str, Callable[[], list[Sequence]]]]:
+    """A camera that stands, on a mast that was calibrated too; or one that moves, with odometry, and without
+    where its height is known."""
+    name = f"drive {video.folder.name}"
+    known = replace(video, frame=gp.FramePriors())
     if not video.moves:
-        yield name, lambda: [video.sequence()]
+        yield f"{name}, vehicles alone", lambda: [video.sequence()]
+        yield f"{name}, vehicles height known", lambda: [known.sequence()]
+        calibrated = replace(video, tilt="calibrated", frame=PRIORS)
+        yield f"{name}, camera calibrated", lambda: [calibrated.sequence()]
         return
-    read = cache(replace(video, tilt="calibrated").sequence)
-    yield f"{name}, odometry", lambda: [read()]
-    if video.frame is not None:
-        yield f"{name}, motion unknown", lambda: [without_motion(read())]
+    alone = replace(video, tilt="calibrated")
+    read = cache(replace(known, tilt="calibrated").sequence)
+    yield f"{name}, vehicles alone, odometry", lambda: [alone.sequence()]
+    yield f"{name}, vehicles height known, odometry", lambda: [read()]
+    yield f"{name}, vehicles height known, motion unknown", lambda: [without_motion(read())]
 
 
 def run(data: Path | None, videos: list[Path], say: Callable[[str], None]) -> dict[str, Any]:
