@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::geometry::math::{atan2, cos, exp, log, sqrt, square};
 use crate::track::facing::Facing;
-use crate::track::measure::{Expected, OF_DISTANCE, PlacedReading, PlacedSighting};
+use crate::track::measure::{Expected, OF_DISTANCE, PlacedReading, PlacedSighting, SLOW_OF_DISTANCE};
 use crate::track::model::{
     ACCELERATION, AXIS, Belief, Camera2, ERRORS, Motion, SCALE, State, StateMatrix, TURNING, Transition, VX, VZ, X, Z,
 };
@@ -160,7 +160,7 @@ impl VehicleFilter {
     fn slow_errors(&self) -> [f64; 3] {
         let slow = self.options.slow_fraction;
         let variance = self.stated.map(|x| slow * exp(2.0 * x));
-        [OF_DISTANCE * variance[0], variance[1], variance[2]]
+        [SLOW_OF_DISTANCE * variance[0], variance[1], variance[2]]
     }
 
     /// How much of a network's errors is still the same after `dt` seconds: it is forgotten as the vehicle turns, in what

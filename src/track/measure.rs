@@ -10,8 +10,11 @@ use crate::track::model::{
 use crate::track::row::wrapped;
 use crate::track::sighting::{Reading, Sighting};
 
-/// What is constant, slow and of a frame adds up to the error of a distance: of the last two half as much as of others.
+/// What is constant, slow and of a frame adds up to the error of a distance: of the last half as much as of others.
 pub(crate) const OF_DISTANCE: f64 = 0.5;
+/// And of what is slow a quarter: a network that turns a vehicle or shifts it aside does so in most of its pictures, by more
+/// than a picture states; distances it errs less by.
+pub(crate) const SLOW_OF_DISTANCE: f64 = 0.25;
 /// Errors larger than usual by this, a logarithm, are believed.
 const FAR_MORE: f64 = 0.7;
 /// Usual errors differ from stated ones by at most this, a logarithm.

@@ -52,8 +52,8 @@ pub struct TrackOptions {
     /// Variance of a distance that is the same in all frames of a vehicle, in stated variances: nothing but motion of the
     /// camera makes a tracker surer of a scale than one picture.
     pub constant_fraction: f64,
-    /// Variance of bearings and headings that is the same as long as the picture is, in stated ones; of distances half as
-    /// much.
+    /// Variance of bearings and headings that is the same as long as the picture is, in stated ones; of distances a quarter
+    /// of it.
     pub slow_fraction: f64,
     /// Variance that every frame has of its own, in stated ones; of distances half as much.
     pub own_fraction: f64,
@@ -77,7 +77,7 @@ impl Default for TrackOptions {
             turning_sigma: 0.3,
             speed_sigma: 12.0,
             constant_fraction: 0.6,
-            slow_fraction: 1.0,
+            slow_fraction: 2.0,
             own_fraction: 0.8,
             error_time: 60.0,
             gate: 25.0,

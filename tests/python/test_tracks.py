@@ -149,7 +149,7 @@ def independent(frames, options, dt=0.1):
     """Places, axes and covariances of places: textbook matrices, dense, without a line of the tracker."""
     n = 11  # x z vx vz axis turning acceleration scale distance bearing heading
     slow, own = options.slow_fraction, options.own_fraction
-    errors = np.array([0.5 * slow * DISTANCE**2, slow * BEARING**2, slow * HEADING**2])
+    errors = np.array([0.25 * slow * DISTANCE**2, slow * BEARING**2, slow * HEADING**2])
     scale = options.constant_fraction * DISTANCE**2
     x = np.zeros(n)
     x[[0, 1]], x[4] = frames[0][0], frames[0][1]

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from groundpose.cli.inputs import is_several
 from groundpose.cli.output import refuse
 
 if TYPE_CHECKING:
@@ -33,8 +32,8 @@ class BoxChoice:
         if self.detector is None and self.score is not None:
             refuse("--detector-score: is for --detector")
 
-    def source(self, images: Path, pipeline: Pipeline) -> BoxSource:
-        """The boxes of these images. Raises OSError, InputError."""
+    def source(self, images: Path, pipeline: Pipeline, several: bool) -> BoxSource:
+        """The boxes of these images, of which there may be `several`. Raises OSError, InputError."""
         from groundpose.cli.boxes import BoxesOfDetector, BoxesOfFiles  # with onnxruntime
         from groundpose.detector.detector import Detector
 
@@ -44,4 +43,4 @@ class BoxChoice:
             )
             return BoxesOfDetector(found, pipeline)
         assert self.boxes is not None
-        return BoxesOfFiles(self.boxes, images, is_several(images))
+        return BoxesOfFiles(self.boxes, images, several)

@@ -17,7 +17,7 @@ from groundpose._core import InputError
 from groundpose.cli.box_choice import BoxChoice
 from groundpose.cli.cameras import CameraChoice
 from groundpose.cli.crew import Crew, done
-from groundpose.cli.inputs import Shot, has_frames, is_several, is_video, pictures, shots
+from groundpose.cli.inputs import Shot, frame_shots, has_frames, is_several, is_video, pictures, shots
 from groundpose.cli.results import Style
 from groundpose.cli.run import Mounting, Result
 from groundpose.formats.boxes import Box, Boxes
@@ -25,6 +25,7 @@ from groundpose.formats.frames import Frame, FrameObject
 from groundpose.formats.kitti.labels import TYPE_OF
 from groundpose.formats.records import pose_record, tilt_members
 from groundpose.keypoints.image import as_rgb
+from groundpose.keypoints.live import LiveFrames
 from groundpose.keypoints.pipeline import Look, Pipeline
 from groundpose.keypoints.vehicle_poses import NOT_A_VEHICLE, VehiclePoses
 from groundpose.types import View
@@ -57,6 +58,7 @@ class ImageWork:
         pipeline: that finds the poses; its `classes` say which boxes are vehicles'.
         exif: whether pictures are turned as their EXIF data asks.
         topic: of a recording's images. crew: images that are at work at once.
+        live: the frames of a camera or a stream instead of files.
 
     Attributes:
         left_out: how many boxes were left out, by reason.
@@ -77,6 +79,7 @@ class ImageWork:
     exif: bool = True
     topic: str | None = None
     crew: int = 1
+    live: LiveFrames | None = None
     left_out: Counter[str] = field(default_factory=Counter)
     kept: int = 0
     no_vehicle: int = 0
@@ -86,11 +89,12 @@ class ImageWork:
     def __post_init__(self) -> None:
         """Find the images, read what is for all of them."""
         self.name = str(self.path)
-        self._pictures = None if has_frames(self.path) else pictures(self.path)
+        endless = self.live is not None
+        self._pictures = None if endless or has_frames(self.path) else pictures(self.path)
         #: None: only reading the video tells.
         self.total = None if self._pictures is None else len(self._pictures)
-        self.several = is_several(self.path)
-        self.boxes = self.found_by.source(self.path, self.pipeline)
+        self.several = endless or is_several(self.path)
+        self.boxes = self.found_by.source(self.path, self.pipeline, self.several)
         self._view = self.camera.of_all()
         recorded = has_frames(self.path) and not is_video(self.path)
         if not self.camera.is_given and not self.boxes.may_have_cameras and not recorded:
@@ -105,7 +109,10 @@ class ImageWork:
         """The same, each with the image before anything was found in it."""
         begun: deque[Shot | InputError] = deque()
         with Crew(self.crew) as crew:
-            taken = shots(self.path, self._pictures, self.exif, self.topic)
+            if self.live is None:
+                taken = shots(self.path, self._pictures, self.exif, self.topic)
+            else:
+                taken = frame_shots(self.path, self.live)
             there = taken if self._pictures is not None else crew.beside(taken)
             boxed = (done(self._boxed, seen) for seen in crew.ahead(self._read, self._asked(there, begun)))
             for seen in crew.ahead(self._looked, boxed):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from glob import escape, glob, has_magic
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from groundpose._checks import input_error, regular_file
 from groundpose._core import InputError
 from groundpose.types import Camera
+
+if TYPE_CHECKING:
+    from groundpose.keypoints.video import VideoFrame
 
 _FRAMES = frozenset(("", ".json", ".jsonl", ".ndjson"))
 """Endings of names of frames with keypoints."""
@@ -121,7 +124,12 @@ def shots(
                 place = (taken.number, taken.time, taken.image, taken.camera)
                 yield Shot(taken.number, f"{taken.number:06d}", path, *place)
         return
-    for frame in video_frames(path, exif):
+    yield from frame_shots(path, video_frames(path, exif))
+
+
+def frame_shots(path: Path, frames: Iterable[VideoFrame | InputError]) -> Iterator[Shot | InputError]:
+    """The frames of a video or a camera as images."""
+    for frame in frames:
         if isinstance(frame, InputError):
             yield frame
         else:

@@ -13,6 +13,7 @@ import typer
 
 from groundpose._checks import input_error
 from groundpose._core import InputError
+from groundpose._live import is_address, is_live
 from groundpose._writing import only_writer, replaceable, whole_file
 from groundpose.cli.asked import asked
 from groundpose.cli.box_choice import BoxChoice
@@ -21,7 +22,7 @@ from groundpose.cli.crew import split
 from groundpose.cli.inputs import NetworkFile, is_image, is_several
 from groundpose.cli.kept_poses import KeptPoses, kept_poses
 from groundpose.cli.known_camera import KnownCamera
-from groundpose.cli.output import mistakes, refuse, standard_output
+from groundpose.cli.output import complain, mistakes, refuse, standard_output
 from groundpose.cli.track_input import Followed, Odometry, of_images, of_lines, pose_lines
 from groundpose.cli.track_job import INTERRUPTED, TrackJob
 from groundpose.cli.track_output import OpenFrames, TrackRows
@@ -43,7 +44,8 @@ def track(
         typer.Argument(
             metavar="INPUT",
             help="Poses that [bold]groundpose estimate[/bold] wrote (.jsonl), or - for standard input; or a "
-            "folder of images or a video, with [bold]--boxes[/bold] or [bold]--detector[/bold].",
+            "folder of images, a video, a camera (camera:0, /dev/video0) or an address (rtsp://...), with "
+            "[bold]--boxes[/bold] or [bold]--detector[/bold].",
         ),
     ],
     camera: Annotated[
@@ -144,6 +146,8 @@ def track(
 
       groundpose track mast.mp4 --boxes boxes.json --camera camera.json --lanes lanes.yaml --counts counts.csv
 
+      groundpose track rtsp://10.0.0.7/road --detector yolo.onnx --camera camera.json -o tracks.csv --live
+
       groundpose estimate frames.jsonl | groundpose track - --camera camera.json --fps 10 --live
     """
     deciding = {"source": source, "camera": camera, "boxes": boxes, "detector": detector, "network": network}
@@ -176,7 +180,8 @@ def track(
             if file is not None:
                 stack.enter_context(only_writer(file))
             choice, kept = BoxChoice(boxes, detector, None), None
-            if is_followed_images(source, choice):
+            endless = is_followed_images(source, choice) and _is_endless(source, fps, odometry)
+            if is_followed_images(source, choice) and not endless:
                 kept = stack.enter_context(kept_poses(file, settings, view))
             job.goes_on = kept is not None
             given = stack.enter_context(track_frames(source, known, camera, choice, network, kept))
@@ -215,6 +220,17 @@ def _site(world: Path | None, lanes: Path | None, view: View, motion: str) -> Si
     if not drawn.lines and not drawn.lanes:
         raise input_error(str(lanes), "lines or lanes", "none of them")
     return replace(site, lines=drawn.lines, lanes=drawn.lanes)
+
+
+def _is_endless(source: Path, fps: float | None, odometry: Path | None) -> bool:
+    """Whether it is a camera or a stream, whose frames have times of their own, and some are dropped. Raises
+    InputError for what is said by the number of a frame."""
+    if not is_live(source):
+        return False
+    for option, value in (("--fps", fps), ("--odometry", odometry)):
+        if value is not None:
+            raise input_error(option, "none for a camera or a stream, whose frames have times", value)
+    return True
 
 
 def _marks(site: Site, shown: bool = True) -> RoadMarks | None:
@@ -257,17 +273,25 @@ def track_frames(
             yield of_lines(lines, source.parent)
         return
     from groundpose.cli.images import ImageWork
+    from groundpose.keypoints.live import LiveFrames
     from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline
 
     found_by.check(source)
     choice = CameraChoice(camera)
-    crew, each = split(None, is_several(source))
+    live = LiveFrames(source) if is_live(source) else None
+    crew, each = split(None, live is None and is_several(source))  # nothing read ahead: it would be old
     pipeline = Pipeline(Network(network, each))
-    work = ImageWork(source, found_by, choice, known.mounting, -math.inf, pipeline, crew=crew)
-    yield of_images(work, kept)
+    work = ImageWork(source, found_by, choice, known.mounting, -math.inf, pipeline, crew=crew, live=live)
+    try:
+        yield of_images(work, kept)
+    finally:
+        if live is not None and live.dropped:
+            counted = f"{live.dropped} of {live.read} frames"
+            complain(f"{live.name}: {counted} came faster than they were followed, and were dropped")
 
 
 def is_followed_images(source: Path, found_by: BoxChoice) -> bool:
     """Whether the input is images, else lines of poses."""
-    return found_by.boxes is not None or found_by.detector is not None or is_image(source)
+    given = found_by.boxes is not None or found_by.detector is not None
+    return given or is_image(source) or is_address(source)

@@ -28,7 +28,7 @@ class TrackOptions(Value):
             variances: its class is not as large as it is. Nothing but motion of the camera makes a tracker
             surer of it than one picture is.
         slow_fraction: variance of bearings and headings that is the same as long as the picture is, in
-            stated ones; of distances half as much.
+            stated ones; of distances a quarter of it.
         own_fraction: variance that every frame has of its own, in stated ones; of distances half as much.
         error_time: s, within which a network forgets its errors when the picture stays the same.
         gate: squared statistical distance up to which a pose can belong to a vehicle.

@@ -180,8 +180,8 @@ def passages(said: Said, truth: Truth) -> FloatArray:
     `PASSAGE` frames or more that drive faster than `MOVES`; `truth` is that of each answer."""
     off = []
     for number in np.unique(truth.id):
-        own = (truth.id == number) & np.isfinite(said.speed)
-        if own.sum() >= PASSAGE and (mean := truth.speed[own].mean()) > MOVES:
+        own = (truth.id == number) & np.isfinite(said.speed) & np.isfinite(truth.speed)
+        if own.sum() >= PASSAGE and abs(mean := truth.speed[own].mean()) > MOVES:
             off.append(abs(said.speed[own].mean() - mean))
     return KMH * np.array(off)
 

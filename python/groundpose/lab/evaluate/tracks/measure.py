@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,8 @@ import numpy as np
 
 import groundpose as gp
 from groundpose.lab.evaluate import report
-from groundpose.lab.evaluate.tracks.drive import DriveVideo, moved
+from groundpose.lab.evaluate.tracks.calibrated import PRIORS
+from groundpose.lab.evaluate.tracks.drive import DriveVideo, moved, without_motion
 from groundpose.lab.evaluate.tracks.errors import Errors, Said, passages, truth_of
 from groundpose.lab.evaluate.tracks.identity import identity
 from groundpose.lab.evaluate.tracks.kitti import FRAME_INTERVAL, KittiSequences
@@ -89,9 +92,25 @@ def sets(data: Path | None, videos: list[Path]) -> Iterator[tuple[str, Callable[
     if videos:
         pipeline = gp.Pipeline()
         for video in videos:
-            for name, frame in (("alone", None), ("height known", gp.FramePriors())):
-                made = DriveVideo(video, pipeline, "true", frame)
-                yield f"drive {video.name}, vehicles {name}", lambda made=made: [made.sequence()]  # type: ignore[misc]
+            yield from drive_sets(DriveVideo(video, pipeline))
+
+
+def drive_sets(video: DriveVideo) -> Iterator[tuple[str, Callable[[], list[Sequence]]]]:
+    """A camera that stands, on a mast that was calibrated too; or one that moves, with odometry, and without
+    where its height is known."""
+    name = f"drive {video.folder.name}"
+    known = replace(video, frame=gp.FramePriors())
+    if not video.moves:
+        yield f"{name}, vehicles alone", lambda: [video.sequence()]
+        yield f"{name}, vehicles height known", lambda: [known.sequence()]
+        calibrated = replace(video, tilt="calibrated", frame=PRIORS)
+        yield f"{name}, camera calibrated", lambda: [calibrated.sequence()]
+        return
+    alone = replace(video, tilt="calibrated")
+    read = cache(replace(known, tilt="calibrated").sequence)
+    yield f"{name}, vehicles alone, odometry", lambda: [alone.sequence()]
+    yield f"{name}, vehicles height known, odometry", lambda: [read()]
+    yield f"{name}, vehicles height known, motion unknown", lambda: [without_motion(read())]
 
 
 def run(data: Path | None, videos: list[Path], say: Callable[[str], None]) -> dict[str, Any]:

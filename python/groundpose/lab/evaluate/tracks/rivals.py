@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from groundpose._checks import FloatArray, input_error
 from groundpose.lab.evaluate.kitti.overlap import image_overlap
+from groundpose.lab.evaluate.tracks.drive import moved
 from groundpose.lab.evaluate.tracks.errors import Said, plane_of, wrapped
 from groundpose.lab.evaluate.tracks.sequence import Sequence
 
@@ -125,7 +126,7 @@ _GONE = 1.5
 
 
 @dataclass
-class _Plain:
+class Plain:
     """Constant velocity, and a heading of its own; errors of frames taken as independent."""
 
     place: Kalman
@@ -137,15 +138,18 @@ class _Plain:
 def plain_kalman(sequence: Sequence) -> Said:
     """A plain Kalman filter on the poses of every frame, without their other readings and what frames
     share."""
-    tracks: list[_Plain] = []
-    rows: list[tuple[int, int, _Plain, FloatArray, FloatArray]] = []
-    last, last_id, said = None, 0, Said.of_poses(sequence)
+    tracks: list[Plain] = []
+    rows: list[tuple[int, int, Plain, FloatArray, FloatArray]] = []
+    last, before, last_id, said = None, (0.0, 0.0, 0.0), 0, Said.of_poses(sequence)
     for k, frame in enumerate(sequence.frames):
         dt = 0.0 if last is None else frame.time - last
         last = frame.time
         tracks = [track for track in tracks if frame.time - track.seen <= _GONE]
         for track in tracks:
             _predict(track, dt)
+            if sequence.camera_motion == "odometry":
+                see_from(track, moved(before, frame.ego))
+        before = frame.ego
         place, heading, covariance = plane_of(frame.poses)
         found = np.flatnonzero(frame.poses.ok)
         for known, i in _pairs(tracks, place, covariance, found):
@@ -166,14 +170,14 @@ def plain_kalman(sequence: Sequence) -> Said:
     return _said(rows, said)
 
 
-def _started(number: int, place: FloatArray, heading: float, covariance: FloatArray) -> _Plain:
+def _started(number: int, place: FloatArray, heading: float, covariance: FloatArray) -> Plain:
     P = np.zeros((4, 4))
     P[:2, :2], P[2:, 2:] = covariance[:2, :2], np.eye(2) * _SPEED**2
     turning = Kalman(np.array([heading, 0.0]), np.diag([covariance[2, 2], _TURNING**2]))
-    return _Plain(Kalman(np.concatenate([place, np.zeros(2)]), P), turning, number, 0.0)
+    return Plain(Kalman(np.concatenate([place, np.zeros(2)]), P), turning, number, 0.0)
 
 
-def _predict(track: _Plain, dt: float) -> None:
+def _predict(track: Plain, dt: float) -> None:
     F, Q = np.eye(4), np.zeros((4, 4))
     F[:2, 2:] = dt * np.eye(2)
     for i, j, value in ((0, 0, dt**3 / 3), (0, 2, dt**2 / 2), (2, 0, dt**2 / 2), (2, 2, dt)):
@@ -183,9 +187,18 @@ def _predict(track: _Plain, dt: float) -> None:
     track.heading.predict(np.array([[1.0, dt], [0.0, 1.0]]), q)
 
 
+def see_from(track: Plain, ego: tuple[float, float, float]) -> None:
+    """From where the camera is now: right, forward, turned to the right."""
+    s, c = np.sin(ego[2]), np.cos(ego[2])
+    turn = np.kron(np.eye(2), np.array([[c, -s], [s, c]]))
+    track.place.x = turn @ (track.place.x - np.array([ego[0], ego[1], 0.0, 0.0]))
+    track.place.P = turn @ track.place.P @ turn.T
+    track.heading.x = track.heading.x - np.array([ego[2], 0.0])
+
+
 def _pairs(
-    tracks: list[_Plain], place: FloatArray, covariance: FloatArray, found: NDArray[np.intp]
-) -> list[tuple[_Plain | None, int]]:
+    tracks: list[Plain], place: FloatArray, covariance: FloatArray, found: NDArray[np.intp]
+) -> list[tuple[Plain | None, int]]:
     """Tracks with the objects that they are; None: an object that is new."""
     cost = np.full((len(tracks), len(found)), 1e3)
     for row, track in enumerate(tracks):
@@ -197,7 +210,7 @@ def _pairs(
     return [(tracks[chosen[c]] if c in chosen else None, int(i)) for c, i in enumerate(found)]
 
 
-def _said(rows: list[tuple[int, int, _Plain, FloatArray, FloatArray]], alone: Said) -> Said:
+def _said(rows: list[tuple[int, int, Plain, FloatArray, FloatArray]], alone: Said) -> Said:
     state, spread = np.stack([row[3] for row in rows]), np.stack([row[4] for row in rows])
     order = np.lexsort(([row[1] for row in rows], [row[0] for row in rows]))
     same = np.lexsort((alone.index, alone.frame))
