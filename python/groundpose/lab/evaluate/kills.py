@@ -6,7 +6,7 @@ moment of the time that it takes. After each of the 50 the files of the folder m
 may be left; the same command then goes on. At the end it runs undisturbed, and what it writes must be what
 a run makes that was never interrupted. Needs Linux, which says whose children are left.
 
-`simulate` with its pictures is killed every three seconds besides: whole frames stay, and become more.
+`simulate` is killed every few seconds besides: whole frames stay, and become more where one fits between.
 """
 
 from __future__ import annotations
@@ -115,19 +115,26 @@ def run(case: Case, times: int, rng: random.Random) -> dict[str, Any]:
     return found
 
 
-_EVERY = "simulate, killed every 3 s"
 _ROUNDS = 10
-_KILLED = Case(_nothing, "simulate --frames 60 --jobs 2 -o out", "out")
+_LABELS = Case(_nothing, "simulate --frames 20000 --no-images --jobs 2 -o out", "out")
+_PICTURES = Case(_nothing, "simulate --frames 60 --jobs 2 -o out", "out")
+KILLED = {
+    "simulate, killed every 3 s": (_LABELS, 3.0),
+    "simulate with pictures, killed every 3 s": (_PICTURES, 3.0),
+    "simulate with pictures, killed every 8 s": (_PICTURES, 8.0),
+}
+"""What is killed again and again after so many seconds."""
 
 
-def killed_every(seconds: float, times: int) -> dict[str, Any]:
-    """Kill `simulate` so often, each time after so many seconds: the frames after each, and what is half."""
+def killed_every(case: Case, seconds: float, times: int) -> dict[str, Any]:
+    """Kill a simulation so often, each after so many seconds: the frames after each, and what is half."""
     found: dict[str, Any] = {"seconds": seconds, "frames": [], "half_files": [], "left_processes": 0}
+    lines = Path(case.out) / "labels.jsonl"
     for _ in range(times):
-        finished, left = _interrupted(_KILLED, signal.SIGKILL, seconds)
+        finished, left = _interrupted(case, signal.SIGKILL, seconds)
         found["left_processes"] += left
-        found["half_files"] += halves(Path(_KILLED.out))
-        found["frames"].append(len(list(Path(_KILLED.out).rglob("image_2/*.*"))))
+        found["half_files"] += halves(Path(case.out))
+        found["frames"].append(len(lines.read_text(encoding="utf-8").splitlines()) if lines.exists() else 0)
         if finished:
             break
     return found
@@ -211,7 +218,8 @@ def main() -> None:
         name: (case, lambda case: run(case, given.times, random.Random(given.seed)))
         for name, case in CASES.items()
     }
-    jobs[_EVERY] = (_KILLED, lambda _: killed_every(3.0, _ROUNDS))
+    for name, (case, seconds) in KILLED.items():
+        jobs[name] = (case, lambda case, seconds=seconds: killed_every(case, seconds, _ROUNDS))
     for name, (case, work) in jobs.items():
         if given.only in name:
             cases[name] = {"command": f"groundpose {case.arguments}", **_in_a_folder(partial(work, case))}
