@@ -219,7 +219,7 @@ def main() -> None:
         for name, case in CASES.items()
     }
     for name, (case, seconds) in KILLED.items():
-        jobs[name] = (case, lambda case, seconds=seconds: killed_every(case, seconds, _ROUNDS))
+        jobs[name] = (case, partial(killed_every, seconds=seconds, times=_ROUNDS))
     for name, (case, work) in jobs.items():
         if given.only in name:
             cases[name] = {"command": f"groundpose {case.arguments}", **_in_a_folder(partial(work, case))}
