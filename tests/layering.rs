@@ -52,6 +52,7 @@ const ROOMS: [(&str, &[&str]); 13] = [
             "outline",
             "wide",
             "estimator",
+            "again",
             "frame_tilt",
             "frame_priors",
             "frame_object",
