@@ -12,7 +12,7 @@ PACKAGE = Path(groundpose.__file__).parent
 
 # From the ground to the roof. A room is a file or a folder of the package; "" is `groundpose` itself.
 ROOMS = (
-    *("_core", "_checks", "_npz", "_writing", "_value", "lens", "calibration", "options", "types"),
+    *("_core", "_checks", "_npz", "_writing", "_live", "_value", "lens", "calibration", "options", "types"),
     *("plausibility", "shape", "_given", "vehicles", "remarks", "poses", "sizes", "frame", "camera_state"),
     *("road", "tracking", "world", "traffic", "draw", "formats", "estimator", "estimate"),
     *("camera_profile", "self_calibration"),

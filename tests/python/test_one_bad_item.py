@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import CAMERA, MODEL, VIEW, make_batch
 from groundpose._checks import blamed
-from groundpose.cli import estimate as command
+from groundpose.cli import frames as command
 from groundpose.formats.fields import Field
 from groundpose.formats.frames import Frame, FrameObject, model_members, read_frame
 from PIL import Image

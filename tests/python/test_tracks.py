@@ -219,7 +219,7 @@ def later(x, dt, options, errors):
         )
     r = options.turning_sigma**2
     Q[4:6, 4:6] = [[r * dt**3 / 3 + 1e-4 * dt, r * dt**2 / 2], [r * dt**2 / 2, r * dt]]
-    Q[6, 6], Q[7, 7] = q * (1.0 - keep**2), 1e-8 * dt
+    Q[6, 6], Q[7, 7] = q * (1.0 - keep**2), 1e-8 * dt + 0.1 * errors[0] * (1.0 - same**2)
     Q[range(8, 11), range(8, 11)] = errors * (1.0 - same**2)
     return y, F, Q
 
