@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -108,3 +109,8 @@ def test_tables_are_plain_text():
     assert "<td>1 / –</td>" in text
     assert "&lt;x&gt;" in text
     assert html.page("A & B", []).count("A &amp; B") == 2
+
+
+def test_pages_are_made_without_pytorch():
+    code = "import sys; sys.modules['torch'] = None; import groundpose.lab.evaluate.honesty.page"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -16,7 +16,6 @@ from groundpose.lab.evaluate.honesty import truth
 from groundpose.lab.evaluate.honesty.seen import Records, given
 from groundpose.lab.evaluate.networks import nothing
 from groundpose.lab.evaluate.networks.photographs import BOXES, FOLDER
-from groundpose.lab.training.batches import Batcher
 from groundpose.lab.training.crops import NOTHING, Crops, write_crops
 from groundpose.lab.training.nothing import KINDS, nothing_samples
 from groundpose.lab.training.nothing_boxes import detector_box, inside
@@ -65,6 +64,8 @@ class OfCrops:
         if self.look.moved:
             records["box"] = moved_boxes(records["box"], np.random.default_rng(0))
         crops = crops.of(np.arange(len(crops)), records["box"])
+        from groundpose.lab.training.batches import Batcher  # with PyTorch, which pages do without
+
         batcher, rng = Batcher(codec, crops.codec), np.random.default_rng(0)
         for start in range(0, len(crops), BATCH):
             rows = np.arange(start, min(start + BATCH, len(crops)))

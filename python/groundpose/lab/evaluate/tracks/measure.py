@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
@@ -20,6 +19,7 @@ from groundpose.lab.evaluate.tracks.identity import identity
 from groundpose.lab.evaluate.tracks.kitti import FRAME_INTERVAL, KittiSequences
 from groundpose.lab.evaluate.tracks.rivals import plain_kalman, sort
 from groundpose.lab.evaluate.tracks.sequence import Sequence
+from groundpose.lab.evaluate.tracks.timing import timings
 
 JSON = Path("results/tracks.json")
 TABLE = "kitti_vehicles_dev.npz"
@@ -27,7 +27,6 @@ ALONE, PLAIN, SORT, FILTER, SMOOTHED = (
     *("every frame alone", "plain Kalman filter", "SORT on the boxes"),
     *("tracker, frames so far", "tracker, all frames"),
 )
-_FRAMES_OF_TIMING, _VEHICLES_OF_TIMING = 500, 20
 
 Contender = Callable[[Sequence], Said]
 
@@ -129,52 +128,5 @@ def run(data: Path | None, videos: list[Path], say: Callable[[str], None]) -> di
         "versions": report.versions(),
         "machine": report.machine(),
         "sets": tables,
-        "time": timing(),
+        "time": timings(),
     }
-
-
-def timing() -> dict[str, float]:
-    """Microseconds of one core per object and frame, of the whole Python call and of smoothing."""
-    view = gp.View(gp.Camera(fx=1000.0, fy=1000.0, cx=640.0, cy=360.0), pitch=-0.1)
-    frames = [_made(view, k) for k in range(_FRAMES_OF_TIMING)]
-    tracker = gp.Tracker(view)
-    start = time.process_time()
-    for k, frame in enumerate(frames):
-        tracker.update(frame, 0.1 * k)
-    middle = time.process_time()
-    rows = len(tracker.finish())
-    end = time.process_time()
-    objects = _FRAMES_OF_TIMING * _VEHICLES_OF_TIMING
-    return {
-        "vehicles": _VEHICLES_OF_TIMING,
-        "update us": 1e6 * (middle - start) / objects,
-        "finish us": 1e6 * (end - middle) / max(rows, 1),
-    }
-
-
-def _made(view: gp.View, frame: int) -> gp.SeenVehicles:
-    """Vehicles that drive away, seen with noise."""
-    n, rng = _VEHICLES_OF_TIMING, np.random.default_rng(frame)
-    ground = np.stack([4.0 * np.arange(n) - 40.0, np.full(n, 1.5), 20.0 + 0.2 * frame + np.arange(n)], axis=1)
-    covariance = np.tile(np.diag([1e-3, 1e-3, 1e-3, 0.04, 0.04, 0.04]), (n, 1, 1))
-
-    def unknown(*shape: int) -> Any:
-        return np.full((n, *shape), np.nan)
-
-    return gp.SeenVehicles(
-        view=view,
-        names=("car",) * n,
-        R=np.tile(view.R_camera_from_ground, (n, 1, 1)),
-        t=(ground + 0.05 * rng.normal(size=(n, 3))) @ view.R_camera_from_ground.T,
-        covariance=covariance,
-        other_R=unknown(3, 3),
-        other_t=unknown(3),
-        other_covariance=unknown(6, 6),
-        other_probability=unknown(),
-        bottom_centres=np.zeros((n, 3)),
-        size=np.tile([4.3, 1.5, 1.8], (n, 1)),
-        size_sigma=np.full((n, 3), 0.1),
-        bboxes=unknown(4),
-        ambiguity=np.full(n, 0.1),
-        probability=np.full(n, 0.9),
-    )
