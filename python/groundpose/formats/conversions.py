@@ -124,3 +124,9 @@ def to_ros_covariance(covariance: ArrayLike) -> FloatArray:
     """(N, 6, 6) in the order of ROS, `[place, rotation about the axes of the frame]`."""
     order = [3, 4, 5, 0, 1, 2]
     return shaped("covariance", covariance, ("N", 6, 6))[:, order][:, :, order]
+
+
+def turns_to_the_right(angles: FloatArray) -> FloatArray:
+    """(N, 3, 3) rotations by (N,) radians about the axis that points down, from forward to the right."""
+    s, c, zero, one = np.sin(angles), np.cos(angles), np.zeros_like(angles), np.ones_like(angles)
+    return np.stack([c, zero, s, zero, one, zero, -s, zero, c], axis=1).reshape(-1, 3, 3)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from groundpose._checks import FloatArray, input_error, type_error
+from groundpose.formats.conversions import turns_to_the_right
 from groundpose.formats.scenes import Motion, Scene
 from groundpose.formats.tracks import Names, camera_headings
 from groundpose.tracking.tracks import Tracks
@@ -78,7 +79,7 @@ def _scene(now: Tracks, view: View, name: str | int, image: Path | None) -> Scen
         ids=tuple(now.id.tolist()),
         classes=tuple(now.name.tolist()),
         status=tuple("ok" if known else NO_SIZE for known in sized),
-        R=ground @ _turns(heading),
+        R=ground @ turns_to_the_right(heading),
         t=places @ ground.T,
         yaw=heading,
         bbox_3d=boxes,
@@ -93,12 +94,6 @@ def _scene(now: Tracks, view: View, name: str | int, image: Path | None) -> Scen
     return replace(made, bboxes=made.shown_boxes)
 
 
-def _turns(angles: FloatArray) -> FloatArray:
-    """(N, 3, 3), from forward to the right by (N,) radians."""
-    s, c, zero, one = np.sin(angles), np.cos(angles), np.zeros_like(angles), np.ones_like(angles)
-    return np.stack([c, zero, s, zero, one, zero, -s, zero, c], axis=1).reshape(-1, 3, 3)
-
-
 def _boxes(size: FloatArray) -> FloatArray:
     """(N, 2, 3) metres, lowest and highest corner about the middle of the bottom face, of (N, 3) length,
     height, width."""
@@ -110,7 +105,7 @@ def _boxes(size: FloatArray) -> FloatArray:
 
 def _covariance(now: Tracks, ground: FloatArray) -> FloatArray:
     """(N, 6, 6) of rotation vector and place in the camera frame; nothing of it leaves the plane."""
-    turns = _turns(camera_headings(now))
+    turns = turns_to_the_right(camera_headings(now))
     place = np.zeros((len(now), 3, 3))
     place[np.ix_(range(len(now)), (0, 2), (0, 2))] = now.place_covariance
     axes = ground @ np.swapaxes(turns, 1, 2)  # from the plane of the first frame
@@ -124,7 +119,7 @@ def _covariance(now: Tracks, ground: FloatArray) -> FloatArray:
 def _motion(now: Tracks) -> Motion:
     turned = camera_headings(now)
     # of any row: where the vehicle is, less the way from the camera to it
-    away = (_turns(turned[:1]) @ np.insert(now.seen_from[0, :2], 1, 0.0))[0, [0, 2]]
+    away = (turns_to_the_right(turned[:1]) @ np.insert(now.seen_from[0, :2], 1, 0.0))[0, [0, 2]]
     return Motion(
         speed=now.speed,
         speed_sigma=now.speed_sigma,

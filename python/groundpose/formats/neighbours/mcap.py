@@ -21,7 +21,7 @@ from groundpose._writing import whole_path
 from groundpose.draw.colours import BOX, POSE
 from groundpose.formats.camera_files import ros_distortion
 from groundpose.formats.columns import CORNERS
-from groundpose.formats.conversions import BODY_FROM_OBJECT, to_body_axes, to_quaternions
+from groundpose.formats.conversions import BODY_FROM_OBJECT, to_body_axes, to_quaternions, turns_to_the_right
 from groundpose.formats.extras import extra_package
 from groundpose.formats.neighbours.context import Context
 from groundpose.formats.scenes import Motion, Scene
@@ -188,8 +188,7 @@ def camera_in_ground(scene: Scene) -> tuple[FloatArray, FloatArray]:
     view = scene.view
     height = view.height if view.height is not None and math.isfinite(view.height) else 0.0
     right, forward, turned = np.zeros(3) if scene.motion is None else scene.motion.camera
-    s, c = math.sin(turned), math.cos(turned)
-    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    turn = turns_to_the_right(np.array([turned]))[0]
     return BODY_FROM_OBJECT @ turn @ view.R_camera_from_ground.T, np.array([forward, -right, height])
 
 
