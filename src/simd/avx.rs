@@ -94,6 +94,27 @@ impl Vector for AvxVector {
     }
 
     #[inline(always)]
+    fn transposed([x, y, z, w]: [Self; LANES], _: impl Unit<Vector = Self>) -> [Self; LANES] {
+        let avx = x.1;
+        // x0, y0, x2, y2; x1, y1, x3, y3; and the same of z and w
+        let (even, odd) = (avx._mm256_unpacklo_pd(x.0, y.0), avx._mm256_unpackhi_pd(x.0, y.0));
+        let (even_zw, odd_zw) = (avx._mm256_unpacklo_pd(z.0, w.0), avx._mm256_unpackhi_pd(z.0, w.0));
+        [
+            Self(avx._mm256_permute2f128_pd::<0x20>(even, even_zw), avx),
+            Self(avx._mm256_permute2f128_pd::<0x20>(odd, odd_zw), avx),
+            Self(avx._mm256_permute2f128_pd::<0x31>(even, even_zw), avx),
+            Self(avx._mm256_permute2f128_pd::<0x31>(odd, odd_zw), avx),
+        ]
+    }
+
+    #[inline(always)]
+    fn reversed(self, _: impl Unit<Vector = Self>) -> Self {
+        let avx = self.1;
+        let halves = avx._mm256_permute2f128_pd::<0x01>(self.0, self.0);
+        Self(avx._mm256_permute_pd::<0b0101>(halves), avx)
+    }
+
+    #[inline(always)]
     fn sums([x, y, z, w]: [Self; LANES]) -> [f64; LANES] {
         let avx = x.1;
         // x0 + x1, y0 + y1, x2 + x3, y2 + y3, and the same of z and w

@@ -83,6 +83,20 @@ pub(crate) trait Vector:
     /// One bit for every lane that is at least zero, the first lane's the lowest.
     fn bits_at_least_zero(self) -> u32;
 
+    /// The last lane first.
+    #[inline(always)]
+    fn reversed(self, unit: impl Unit<Vector = Self>) -> Self {
+        let [a, b, c, d] = self.lanes().0;
+        unit.load(Lanes([d, c, b, a]))
+    }
+
+    /// The first lanes of four vectors, their second lanes, and so on.
+    #[inline(always)]
+    fn transposed(vectors: [Self; LANES], unit: impl Unit<Vector = Self>) -> [Self; LANES] {
+        let [a, b, c, d] = vectors.map(|vector| vector.lanes().0);
+        [0, 1, 2, 3].map(|lane| unit.load(Lanes([a[lane], b[lane], c[lane], d[lane]])))
+    }
+
     /// Sum over lanes in a fixed order.
     #[inline(always)]
     fn sum(self) -> f64 {
