@@ -50,14 +50,15 @@ pub(super) const NUMBERS: [Field<Estimate, f64>; 17] = [
     },
 ];
 
-pub(super) const COUNTS: [Field<Estimate, i64>; 4] = [
-    Field { name: "inlier_count", shape: |_| vec![], write: |e, out| out[0] = e.inlier_count as i64 },
-    Field { name: "iterations", shape: |_| vec![], write: |e, out| out[0] = e.ransac.iterations as i64 },
-    Field { name: "hypotheses", shape: |_| vec![], write: |e, out| out[0] = e.ransac.hypotheses as i64 },
+/// Counts, as large as any is.
+pub(super) const COUNTS: [Field<Estimate, u32>; 4] = [
+    Field { name: "inlier_count", shape: |_| vec![], write: |e, out| out[0] = e.inlier_count as u32 },
+    Field { name: "iterations", shape: |_| vec![], write: |e, out| out[0] = e.ransac.iterations as u32 },
+    Field { name: "hypotheses", shape: |_| vec![], write: |e, out| out[0] = e.ransac.hypotheses as u32 },
     Field {
         name: "stage_iterations",
         shape: |_| vec![MAX_STAGES],
-        write: |e, out| out.copy_from_slice(&e.stages.map(|s| s.iterations as i64)),
+        write: |e, out| out.copy_from_slice(&e.stages.map(|s| s.iterations as u32)),
     },
 ];
 

@@ -158,7 +158,7 @@ pub(super) struct Outputs {
     inlier_mask: Values<bool>,
     residuals: Values<f64>,
     numbers: Vec<Values<f64>>,
-    counts: Vec<Values<i64>>,
+    counts: Vec<Values<u32>>,
     others: Mutex<Vec<Other>>,
     frame_tilt_sigma: f64,
     /// Whether something is still to be made from what is here.
@@ -176,7 +176,7 @@ pub(super) struct Writing<'a, 'py> {
     inlier_mask: Lent<'a, 'py, bool>,
     residuals: Lent<'a, 'py, f64>,
     numbers: Vec<Lent<'a, 'py, f64>>,
-    counts: Vec<Lent<'a, 'py, i64>>,
+    counts: Vec<Lent<'a, 'py, u32>>,
     others: &'a Mutex<Vec<Other>>,
 }
 
@@ -192,7 +192,7 @@ pub(super) struct Rows<'a> {
     inlier_mask: &'a mut [bool],
     residuals: &'a mut [f64],
     numbers: Vec<ColumnRows<'a, f64>>,
-    counts: Vec<ColumnRows<'a, i64>>,
+    counts: Vec<ColumnRows<'a, u32>>,
     others: &'a Mutex<Vec<Other>>,
 }
 
@@ -434,7 +434,7 @@ impl Outputs {
                 let (field, shape) = (&NUMBERS[k], size.of((NUMBERS[k].shape)(size.modes)));
                 given(py, &mut self.numbers[k], &shape, self.is_pending && is_needed_again(field.name))?
             }
-            Place::Count(k) => self.counts[k].array(py, &size.of((COUNTS[k].shape)(size.modes)))?.into_any(),
+            Place::Count(k) => self.counts[k].widened(py, &size.of((COUNTS[k].shape)(size.modes)))?.into_any(),
             Place::Other(k) => self.of_others(py, &OTHERS[k])?,
         })
     }

@@ -93,6 +93,18 @@ impl Values<u8> {
     }
 }
 
+impl Values<u32> {
+    /// An array of integers as NumPy has them.
+    pub(super) fn widened<'py>(&self, py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
+        match self {
+            Self::Own(values) => {
+                Ok(ArrayView::from_shape(IxDyn(shape), values).map_err(unfit)?.mapv(i64::from).into_pyarray(py))
+            }
+            Self::Array(array) => Ok(array.bind(py).try_readonly()?.as_array().mapv(i64::from).into_pyarray(py)),
+        }
+    }
+}
+
 impl<T: Element> Lent<'_, '_, T> {
     pub(super) fn slice(&mut self) -> PyResult<&mut [T]> {
         Ok(match self {
