@@ -19,6 +19,10 @@ RUST_SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src -name '*.r
 # boards without an operating system on which the crate is tried, where the toolchain and QEMU are there
 BARE_METAL := thumbv7em-none-eabihf aarch64-unknown-none
 
+# tests share what their file prepares
+ON_ALL_CORES := --numprocesses auto --dist loadfile
+TESTS_OF_TRAINING := $(addprefix tests/python/test_,training.py training_streets.py networks_measured.py networks_joined.py enlarged.py)
+
 .PHONY: demo test test-rust test-python test-kernels test-train train-gpu lint docs results bench bench-compare package wheel clean
 
 demo: $(VENV)/installed
@@ -55,8 +59,9 @@ test-rust: $(BIN)/python
 	-rustup --quiet target add $(BARE_METAL)
 	cargo test --quiet
 
+# a file of tests on each core
 test-python: $(VENV)/installed-dev
-	$(BIN)/pytest --quiet
+	$(BIN)/pytest --quiet $(ON_ALL_CORES)
 
 # the tests that compare numbers, with NumPy computing as it does on other processors
 test-kernels: $(VENV)/installed-dev
@@ -65,7 +70,7 @@ test-kernels: $(VENV)/installed-dev
 # what trains and exports networks: PyTorch is several GB, so this is apart
 test-train: $(VENV)/installed-dev
 	$(BIN)/pip install --quiet --editable '.[train]'
-	$(BIN)/pytest --quiet tests/python/test_training.py tests/python/test_training_streets.py tests/python/test_networks_measured.py tests/python/test_networks_joined.py
+	$(BIN)/pytest --quiet $(ON_ALL_CORES) $(TESTS_OF_TRAINING)
 
 # the networks of a release on a machine with a GPU: one rendering, then one training each
 train-gpu: $(VENV)/installed-dev

@@ -162,6 +162,7 @@ def test_cars_have_the_shape_and_the_pose_they_say():
 def test_overhead_is_what_is_left_of_a_call_without_work():
     found = special.overhead(QUICK, quiet)
     assert found["us per object"]["median"] < found["us of whole calls"]["1"]
+    assert 0 < found["us per call of an estimator"]["median"] < 1000
     assert found["bytes per object"]["in"] > 28 * 16
     assert found["bytes per object"]["out"] > 8 * (9 + 3 + 36)
 

@@ -49,7 +49,7 @@ KEYPOINTS = (8, 14, 28, 66, 300, 1000)
 KEYPOINTS_OUTLIERS = 0.25
 PERCENTS = (10, 20, 30, 40, 50, 60, 70, 80, 90)
 MODES = (0, 5, 10)
-BATCHES = (1, 10, 100, 10_000)
+BATCHES = (1, 10, 100, 1_000, 10_000)
 TWO_THREADS = "ours, 2 threads"
 
 # every row has what the rows before it have; solver and covariance as in the first

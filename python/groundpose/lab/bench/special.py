@@ -30,11 +30,12 @@ def overhead(effort: Effort, tell: Tell) -> dict[str, Any]:
     """
     tell("calls without work")
     calls = {count: _empty_call(count) for count in OVERHEAD_OBJECTS}
+    kept = _empty_call(OVERHEAD_OBJECTS[0], kept=True)
     rounds = 3 if effort.quick else 200
-    seconds = np.array([[clocked(call) for call in calls.values()] for _ in range(rounds)])
+    seconds = np.array([[clocked(call) for call in (*calls.values(), kept)] for _ in range(rounds)])
     one, few, many = OVERHEAD_OBJECTS
     each = (seconds[:, 2] - seconds[:, 1]) / (many - few)
-    call = seconds[:, 0] - one * each
+    call, of_estimator = (seconds[:, k] - one * each for k in (0, 3))
     return {
         "group": "overhead",
         "label": "Python batch call without work",
@@ -44,16 +45,21 @@ def overhead(effort: Effort, tell: Tell) -> dict[str, Any]:
                 "quartiles": quartiles(1e6 * values),
                 "95 %": median_interval(1e6 * values),
             }
-            for name, values in (("per call", call), ("per object", each))
+            for name, values in (
+                ("per call", call),
+                ("per call of an estimator", of_estimator),
+                ("per object", each),
+            )
         },
         "bytes per object": _bytes(calls[many], many),
         "us of whole calls": {
-            str(n): 1e6 * float(m) for n, m in zip(calls, np.median(seconds, 0), strict=True)
+            str(n): 1e6 * float(m) for n, m in zip(calls, np.median(seconds[:, :3], 0), strict=True)
         },
     }
 
 
-def _empty_call(count: int) -> Callable[[], gp.PoseBatch]:
+def _empty_call(count: int, kept: bool = False) -> Callable[[], gp.PoseBatch]:
+    """A call of `estimate_poses`, or of an `Estimator` that is kept."""
     view = gp.View(gp.Camera(1000.0, 1000.0, 957.0, 540.0, image_size=(1914, 1080)))
     mean = car_model(0)
     distinct = [gp.ShapeModel(mean.keypoints_3d, mean.bbox_3d) for _ in range(_MODELS)]
@@ -61,13 +67,17 @@ def _empty_call(count: int) -> Callable[[], gp.PoseBatch]:
     keypoints = np.full((count, KEYPOINTS, 2), np.nan)
     boxes = np.tile([800.0, 500.0, 900.0, 560.0], (count, 1))
     options = gp.Options()
+    estimator = gp.Estimator(view, models, options, threads=1)
 
     def call() -> gp.PoseBatch:
         return gp.estimate_poses(view, keypoints, boxes, models, None, options, threads=1)
 
+    def call_kept() -> gp.PoseBatch:
+        return estimator(keypoints, boxes)
+
     if call().ok.any():
         raise AssertionError("objects without keypoints have a pose")
-    return call
+    return call_kept if kept else call
 
 
 def _bytes(call: Callable[[], gp.PoseBatch], count: int) -> dict[str, float]:

@@ -33,6 +33,14 @@ def _ours(case: str, key: str) -> Callable[[Cases], float]:
     return lambda cases: float(line(cases, case)[key])
 
 
+def _overhead(of: str) -> Callable[[Cases], float]:
+    return lambda cases: float(cases["overhead"][f"us per {of}"]["median"])
+
+
+def _two_threads(objects: int) -> Callable[[Cases], float]:
+    return lambda cases: 1.0 / _times_ours(f"batch/{objects}", TWO_THREADS)(cases)
+
+
 def _us(cases: Cases, case: str) -> float:
     return float(line(cases, case)["us"])
 
@@ -66,9 +74,12 @@ VALUES: dict[str, Callable[[Cases], float]] = {
     "e1 90 time": _times_ours("outliers/90"),
     "shape ratio": lambda cases: 1.0 / _times_ours("hre/5")(cases),
     "shape time": _ours("hre/5", "us"),
-    "overhead call": lambda cases: float(cases["overhead"]["us per call"]["median"]),
-    "overhead object": lambda cases: float(cases["overhead"]["us per object"]["median"]),
-    "threads": lambda cases: 1.0 / _times_ours(f"batch/{BATCHES[-1]}", TWO_THREADS)(cases),
+    "shape default": _ours("shape/5", "us"),
+    "overhead call": _overhead("call"),
+    "overhead estimator": _overhead("call of an estimator"),
+    "overhead object": _overhead("object"),
+    "threads": _two_threads(10_000),
+    "threads of a call": _two_threads(1_000),
     "allocations": _allocations,
     "native": _native,
     "growth keypoints": lambda cases: growth(cases, "keypoints", LARGE),

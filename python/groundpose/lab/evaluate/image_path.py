@@ -80,7 +80,7 @@ for event in json.loads(Path(session.end_profiling()).read_text(encoding="utf-8"
         nodes[node] = min(event["dur"], nodes.get(node, event["dur"]))
 sums = Counter()
 for (kind, _), took in nodes.items():
-    part = "convolutions" if "Conv" in kind else "enlarging" if kind == "Resize" else "all else"
+    part = "convolutions" if "Conv" in kind else "all else"
     sums[part] += took
 least |= {f"{part}, %": 100 * took / sums.total() for part, took in sums.items()}
 print(json.dumps({name: round(value, 3) for name, value in least.items()}))

@@ -21,6 +21,7 @@ from groundpose.keypoints.codec import MEAN, STD, ByteArray, Codec
 from groundpose.keypoints.decode import Calibration
 from groundpose.keypoints.network import FORMAT, FORMAT_VERSION, OUTPUTS, VEHICLE_THRESHOLD
 from groundpose.keypoints.onnx import runtime
+from groundpose.lab.training.enlarged import enlarge_by_copies
 from groundpose.lab.training.networks import Decoded, KeypointNetwork
 from groundpose.vehicles.classes import CLASSES
 from groundpose.vehicles.keypoints import KEYPOINTS
@@ -143,6 +144,7 @@ def quantise(path: Path, out: Path, crops: ByteArray) -> None:
             reduce_range=True,  # 7 bits, because 8 bits overflow the 16-bit sums of processors without VNNI
         )
     model = onnx.load(str(out))
+    enlarge_by_copies(model)
     _as_float16(model)  # what is left in float32
     _describe(model, {**said, "weights": "int8"})
     onnx.save(model, str(out))
