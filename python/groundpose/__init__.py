@@ -22,10 +22,7 @@ from groundpose.options import Options
 from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
 from groundpose.sizes import ClassSize, SizePrior
-from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
-from groundpose.traffic import Crossing, CrossingCounter, Flow, Lane, Line, TrafficSummary
 from groundpose.types import Camera, View
-from groundpose.world import World
 
 if TYPE_CHECKING:
     from groundpose.camera_profile import CameraProfile
@@ -36,11 +33,20 @@ if TYPE_CHECKING:
     from groundpose.self_calibration.calibrate import Calibration, calibrate
     from groundpose.self_calibration.plane import Known
     from groundpose.self_calibration.sightings import Sightings
+    from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
+    from groundpose.traffic import Crossing, CrossingCounter, Flow, Lane, Line, TrafficSummary
+    from groundpose.world import World
 
 __version__: str = build_info()["version"]
 
-# What needs onnxruntime and the vehicles' models is imported when it is first asked for.
+# What a program may need besides the solver is imported when it is first asked for: networks with onnxruntime
+# and the vehicles' models, calibration, tracks, traffic.
+_TRACKING = ("SeenVehicles", "Tracker", "TrackOptions", "Tracks")
+_TRAFFIC = ("Crossing", "CrossingCounter", "Flow", "Lane", "Line", "TrafficSummary")
 _LAZY = {
+    **dict.fromkeys(_TRACKING, "groundpose.tracking"),
+    **dict.fromkeys(_TRAFFIC, "groundpose.traffic"),
+    "World": "groundpose.world",
     "Calibration": "groundpose.self_calibration.calibrate",
     "CameraProfile": "groundpose.camera_profile",
     "Known": "groundpose.self_calibration.plane",

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from groundpose._checks import FloatArray
-from groundpose.formats.boxes import read_boxes
+from groundpose.formats.fields import parse
+from groundpose.formats.frames import read_truth, read_view
 from groundpose.keypoints.codec import ByteArray
 from groundpose.keypoints.image import as_rgb
 from groundpose.types import View
@@ -47,19 +47,19 @@ class Street:
 
 def example() -> Street:
     """The bundled street."""
-    found = read_boxes(LABELS).of(IMAGE.name)
-    notes = json.loads(LABELS.read_text(encoding="utf-8"))
-    assert found.view is not None
-    tilt, poses = notes["_tilt"], [box.truth for box in found.boxes if box.truth is not None]
+    root = parse(LABELS.read_text(encoding="utf-8"), str(LABELS))
+    view, objects = read_view(root), root.need("objects").items()
+    poses = [read_truth(each.need("truth")) for each in objects]
+    tilt = root.value["_tilt"]
     pitch, roll = math.radians(tilt["pitch_deg"]), math.radians(tilt["roll_deg"])
     return Street(
         path=IMAGE,
         image=as_rgb(IMAGE),
-        bboxes=np.array([box.bbox for box in found.boxes]),
-        view=found.view,
-        true_view=View(found.view.camera, pitch, roll, tilt["camera_height"]),
-        classes=tuple(box.name for box in found.boxes),
+        bboxes=np.array([each.need("bbox").numbers(4) for each in objects]),
+        view=view,
+        true_view=View(view.camera, pitch, roll, tilt["camera_height"]),
+        classes=tuple(each.need("class").text() for each in objects),
         R=np.stack([R for R, _ in poses]),
         t=np.stack([t for _, t in poses]),
-        bbox_3d=np.array([o["_bbox_3d"] for o in notes["objects"]]),
+        bbox_3d=np.array([each.value["_bbox_3d"] for each in objects]),
     )

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from groundpose._checks import FloatArray, float_array, input_error, shaped, type_error
-from groundpose.formats.boxes import Box, Boxes, read_boxes
+from groundpose.formats import boxes
+from groundpose.formats.boxes import Box, Boxes
 from groundpose.formats.kitti.labels import DONT_CARE, KittiLabel
 from groundpose.vehicles.words import first_number, numbered_name
 
@@ -46,7 +47,7 @@ def boxes_of(detections: Any, image: str = "", size: tuple[int, int] | None = No
     if isinstance(detections, Boxes):
         return detections
     if isinstance(detections, (str, PathLike)):
-        found = read_boxes(Path(detections)).of(image)
+        found = boxes.read_boxes(Path(detections)).of(image)
         if size is not None:
             return found.in_pixels(*size, str(detections))
         if found.fractions:

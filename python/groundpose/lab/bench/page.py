@@ -171,6 +171,7 @@ IMAGE_BLOCKS: Blocks = {
     "folder": image_path.folder_table,
     "networks": image_path.networks_table,
     "picture": image_path.picture_table,
+    "start": image_path.start_table,
 }
 
 

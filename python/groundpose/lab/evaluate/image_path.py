@@ -2,7 +2,7 @@
 
 Milliseconds per vehicle of an image with eight in it, on one core and by step; `groundpose estimate` of a
 folder of JPEG files with eight vehicles each, on two cores; the networks alone, by the crops of a call and by
-what is computed; decoding a picture. Every number is the least of several rounds, in
+what is computed; decoding a picture; the start of a process. Every number is the least of several rounds, in
 which all take turns: what else the machine does only ever adds. With `--beside FOLDER` the package of another
 checkout, built there, takes part.
 """
@@ -99,6 +99,20 @@ for _ in range(int(sys.argv[2])):
     del picture
 print(json.dumps({"ms": round(least, 3)}))
 """
+_START = """
+import json, time
+start = time.perf_counter()
+import groundpose
+imported = time.perf_counter()
+from groundpose.demo.street import IMAGE, LABELS
+content = json.loads(LABELS.read_text(encoding="utf-8"))
+boxes = [item["bbox"] for item in content["objects"]]
+view = groundpose.View(groundpose.Camera(*(content["camera"][name] for name in ("fx", "fy", "cx", "cy"))))
+poses = groundpose.Pipeline(threads=1)(IMAGE, boxes, view)
+assert poses.ok.all()
+times = {"import groundpose": imported - start, "first poses of a picture": time.perf_counter() - start}
+print(json.dumps({name: round(seconds, 4) for name, seconds in times.items()}))
+"""
 _COMMAND = """
 import runpy, sys
 if not int(sys.argv.pop(1)):
@@ -138,6 +152,12 @@ def of_picture(checkouts: dict[str, Path], rounds: int) -> Found:
     """Milliseconds of processor time for a JPEG file of 1914 x 1080."""
     runs = _with_and_without_extra(_PICTURE, [str(CALLS)], checkouts)
     return _least(runs, rounds, leave_out=_STATED)
+
+
+def of_start(checkouts: dict[str, Path], rounds: int) -> Found:
+    """Seconds from the start of a program to the package, and to the poses of the example's picture."""
+    runs: Runs = {name: (["-c", _START], checkout) for name, checkout in checkouts.items()}
+    return _least(runs, 2 * rounds, leave_out=_STATED)
 
 
 def _with_and_without_extra(script: str, arguments: list[str], checkouts: dict[str, Path]) -> Runs:
@@ -224,12 +244,18 @@ def picture_table(content: dict[str, Any]) -> str:
     return report.table([{"package": package} | times for package, times in found.items()])
 
 
+def start_table(content: dict[str, Any]) -> str:
+    """A process from its start."""
+    found = content["parts"]["start"]["street"]
+    return report.table([{"package": package} | times for package, times in found.items()])
+
+
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--only", default="", help="One of vehicles, folder, networks, picture.")
+    parser.add_argument("--only", default="", help="One of vehicles, folder, networks, picture, start.")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="Of which the least counts.")
     parser.add_argument("--images", type=int, default=IMAGES, help="In the folder.")
     parser.add_argument("--beside", type=Path, help="Checkout whose package does the same, built there.")
@@ -243,6 +269,7 @@ def main() -> None:
         "folder": lambda: {name: of_folder(name, checkouts, given.rounds, given.images) for name in NETWORKS},
         "networks": lambda: {name: of_network(name, checkouts, given.rounds) for name in NETWORKS},
         "picture": lambda: {"street": of_picture(checkouts, given.rounds)},
+        "start": lambda: {"street": of_start(checkouts, given.rounds)},
     }
     found = report.read_json(given.out).get("parts", {})
     for name, measure in parts.items():
