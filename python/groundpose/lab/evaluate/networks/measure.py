@@ -35,7 +35,8 @@ from groundpose.lab.training.evaluate import answers, inside_image
 
 TRIALS, SMALL_LOOKS = 50, 6
 _TOLD = ("command", "training_seconds", "steps", "earlier_run", "data", "weights")
-_WHEELS = Path("target/wheels")
+_WHEELS, _OF_THIS_MACHINE = Path("target/wheels"), "-linux_"
+"""Where `make wheel` puts a release's; an editable installation leaves one there that holds nothing."""
 MOST_OCCLUDED = 0.3
 """Fraction of a vehicle that others hide, of the easier ones; the drive goes up to 0.8."""
 
@@ -74,8 +75,9 @@ def measure(
     found = {} if fresh else report.read_json(out)
     found["command"] = "groundpose evaluate networks"
     found |= {"versions": report.versions(), "machine": report.machine()}
-    if wheels := sorted((root / _WHEELS).glob("*.whl"), key=lambda path: path.stat().st_mtime):
-        found["wheel_mb"] = wheels[-1].stat().st_size / 1e6
+    wheels = [path for path in (root / _WHEELS).glob("*.whl") if _OF_THIS_MACHINE not in path.name]
+    if wheels:
+        found["wheel_mb"] = max(wheels, key=lambda path: path.stat().st_mtime).stat().st_size / 1e6
     costs = found.setdefault("costs", {})
     for name in NETWORKS:
         if name not in costs and name != "toy" and "times" in parts:
