@@ -14,38 +14,43 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from groundpose._core import InputError, build_info
-from groundpose.camera_state import CameraState
 from groundpose.estimate import estimate_poses
 from groundpose.estimator import Estimator
-from groundpose.frame import EstimatedView, FramePriors
 from groundpose.options import Options
 from groundpose.poses import Alternatives, Pose, PoseBatch, region_radius2
 from groundpose.shape import ShapeModel
-from groundpose.sizes import ClassSize, SizePrior
 from groundpose.types import Camera, View
 
 if TYPE_CHECKING:
     from groundpose.camera_profile import CameraProfile
+    from groundpose.camera_state import CameraState
     from groundpose.detector.detector import Detector
+    from groundpose.frame import EstimatedView, FramePriors
     from groundpose.keypoints.network import Network
     from groundpose.keypoints.pipeline import Pipeline
     from groundpose.keypoints.vehicle_poses import VehiclePoses
     from groundpose.self_calibration.calibrate import Calibration, calibrate
     from groundpose.self_calibration.plane import Known
     from groundpose.self_calibration.sightings import Sightings
+    from groundpose.sizes import ClassSize, SizePrior
     from groundpose.tracking import SeenVehicles, Tracker, TrackOptions, Tracks
     from groundpose.traffic import Crossing, CrossingCounter, Flow, Lane, Line, TrafficSummary
     from groundpose.world import World
 
 __version__: str = build_info()["version"]
 
-# What a program may need besides the solver is imported when it is first asked for: networks with onnxruntime
-# and the vehicles' models, calibration, tracks, traffic.
+# What a program may need besides the solver is imported when it is first asked for: what is known of a frame,
+# networks with onnxruntime and the vehicles' models, calibration, tracks, traffic.
 _TRACKING = ("SeenVehicles", "Tracker", "TrackOptions", "Tracks")
 _TRAFFIC = ("Crossing", "CrossingCounter", "Flow", "Lane", "Line", "TrafficSummary")
 _LAZY = {
     **dict.fromkeys(_TRACKING, "groundpose.tracking"),
     **dict.fromkeys(_TRAFFIC, "groundpose.traffic"),
+    "CameraState": "groundpose.camera_state",
+    "ClassSize": "groundpose.sizes",
+    "EstimatedView": "groundpose.frame",
+    "FramePriors": "groundpose.frame",
+    "SizePrior": "groundpose.sizes",
     "World": "groundpose.world",
     "Calibration": "groundpose.self_calibration.calibrate",
     "CameraProfile": "groundpose.camera_profile",

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
 from groundpose._core import InputError
 from groundpose._given import Boxes, Given, Keypoints, Models
-from groundpose.camera_state import CameraState
 from groundpose.estimator import DEFAULT_OPTIONS, Estimator
-from groundpose.frame import FramePriors
 from groundpose.options import Options
 from groundpose.poses import PoseBatch
 from groundpose.types import View
+
+if TYPE_CHECKING:
+    from groundpose.camera_state import CameraState
+    from groundpose.frame import FramePriors
 
 
 def estimate_poses(

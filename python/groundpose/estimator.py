@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +14,14 @@ from groundpose._checks import number, type_error
 from groundpose._checks import threads as checked_threads
 from groundpose._given import Boxes, Given, Keypoints, Models, checked_models
 from groundpose._value import Value
-from groundpose.camera_state import CameraState
-from groundpose.frame import FramePriors
 from groundpose.options import Options
 from groundpose.poses import PoseBatch
-from groundpose.road import check_frame, estimate_frame
 from groundpose.shape import ShapeModel
 from groundpose.types import View
+
+if TYPE_CHECKING:
+    from groundpose.camera_state import CameraState
+    from groundpose.frame import FramePriors
 
 DEFAULT_OPTIONS = Options()
 _SEVERAL = 4
@@ -72,8 +73,10 @@ class Estimator(Value):
             raise type_error("options", "Options", self.options)
         alone, frame, several = None, self.frame, checked_models(self.models)
         if frame is not None:
-            check_frame(frame, self.frame_tilt_sigma, self.options.covariance)
-            alone = Estimator(self.view, _sized(frame, self.models), self.options, self.threads)
+            from groundpose import road  # which most programs do not need
+
+            road.check_frame(frame, self.frame_tilt_sigma, self.options.covariance)
+            alone = Estimator(self.view, road.sized(frame, self.models), self.options, self.threads)
         models: Models = self.models if isinstance(self.models, ShapeModel) else several
         sigma = self.frame_tilt_sigma
         sigma = None if sigma is None else number("frame_tilt_sigma", sigma)
@@ -121,18 +124,15 @@ class Estimator(Value):
         )
         alone = self._alone
         if alone is not None and self.frame is not None:
-            return estimate_frame(self.view, self.frame, lambda seen: replace(alone, view=seen)(*given))
+            from groundpose import road  # which most programs do not need
+
+            return road.estimate_frame(self.view, self.frame, lambda seen: replace(alone, view=seen)(*given))
         answers = self._core.estimate(*given)
         if answers is None:
             given = given.converted(self.models, self.options._thresholds).with_what_is_said()
             answers = self._core.estimate(*given)
             assert answers is not None, "what was converted can be read"
         return _batch(self, answers)
-
-
-def _sized(frame: FramePriors | CameraState, models: Models) -> Models:
-    """Models with the sizes of their classes."""
-    return (frame.priors if isinstance(frame, CameraState) else frame).sized(models)
 
 
 def _batch(estimator: Estimator, answers: _core.Answers) -> PoseBatch:

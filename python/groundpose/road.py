@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from groundpose import _core
 from groundpose._checks import FloatArray, input_error, type_error
+from groundpose._given import Models
 from groundpose.camera_state import CameraState
 from groundpose.frame import EstimatedView, FramePriors
 from groundpose.poses import PoseBatch
@@ -41,7 +42,7 @@ class _Rows:
         poses, at = self.poses, self.at
         models = [poses.models[k] for k in at]
         state = frame if isinstance(frame, CameraState) else None
-        priors = frame.priors if isinstance(frame, CameraState) else frame
+        priors = _priors(frame)
         return _core.solve_frame(
             view._handle,
             *priors.numbers(self.names),
@@ -52,6 +53,16 @@ class _Rows:
             poses.covariance[at],
             None if state is None else state.carried(self.names),
         )
+
+
+def sized(frame: FramePriors | CameraState, models: Models) -> Models:
+    """Models with the sizes of their classes."""
+    return _priors(frame).sized(models)
+
+
+def _priors(frame: FramePriors | CameraState) -> FramePriors:
+    """What is known before anything is seen."""
+    return frame.priors if isinstance(frame, CameraState) else frame
 
 
 def estimate_frame(
@@ -69,7 +80,7 @@ def estimate_frame(
         solved = rows.solved(view, frame)
     if state is not None:
         state.take(rows.names, solved)
-    priors = frame.priors if isinstance(frame, CameraState) else frame
+    priors = _priors(frame)
     return _corrected(rows, solved, view, np.array([priors.pitch_sigma, priors.roll_sigma]))
 
 
