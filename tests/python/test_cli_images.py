@@ -510,6 +510,27 @@ def test_a_pipe_that_is_called_picture_does_not_hang(street, model):
     assert "pipe.png: expected a file, got a pipe or a device" in one_line(result)
 
 
+def test_files_beside_images_are_looked_up_in_one_reading(tmp_path, monkeypatch):
+    for name in ("b.txt", "a.json", "a.jpg", "c.one.txt"):
+        (tmp_path / name).touch()
+    readings = []
+    read = Path.iterdir
+    monkeypatch.setattr(Path, "iterdir", lambda folder: readings.append(folder) or read(folder))
+    found = [
+        cli_inputs.companion(tmp_path, name).name for name in ("a.jpg", "in/b.png", "c.jpg", "c.one.jpg")
+    ]
+    assert found == ["a.json", "b.txt", "c.one.txt", "c.one.txt"]
+    assert len(readings) == 1
+    with pytest.raises(gp.InputError, match="expected a file d"):
+        cli_inputs.companion(tmp_path, "d.jpg")
+    (tmp_path / "d.xml").touch()
+    os.utime(tmp_path, ns=(1, 1))  # a clock that has gone on
+    assert cli_inputs.companion(tmp_path, "d.jpg").name == "d.xml"
+    assert len(readings) == 2
+    with pytest.raises(gp.InputError, match="expected a file a"):
+        cli_inputs.companion(tmp_path / "nowhere", "a.jpg")
+
+
 def test_frames_of_a_video_as_ultralytics_names_them(street):
     for number in (1, 3):
         dump(f"labels/drive_{number}.txt", "2 0.5 0.5 0.1 0.1\n")

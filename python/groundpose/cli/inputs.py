@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from glob import escape, glob, has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -177,7 +178,7 @@ def companion(folder: Path, name: str) -> Path:
     Raises InputError when there is none.
     """
     stem = Path(name).stem
-    found = sorted(p for p in folder.glob(f"{escape(stem)}.*") if not is_picture(p))
+    found = _files(folder).get(os.path.normcase(stem))
     if not found:
         raise input_error(str(folder), f"a file {stem}.*", "none")
     return found[0]
@@ -191,10 +192,37 @@ def frame_companion(folder: Path, video_name: str, number: int) -> Path | None:
         of any.
     """
     theirs = f"{Path(video_name).stem}_"
-    if any(folder.glob(f"{escape(theirs)}*.txt")):
+    if _has_numbered(folder, _changed(folder), theirs):
         path = folder / f"{theirs}{number + 1}.txt"
         return path if path.is_file() else None
     return companion(folder, f"{number:06d}")
+
+
+def _files(folder: Path) -> dict[str, list[Path]]:
+    """Those that are no pictures, in order, by what stands before a point of their names."""
+    return _files_before(folder, _changed(folder))
+
+
+def _changed(folder: Path) -> int | None:
+    """When files of a folder last came or went; none where it is not there."""
+    return folder.stat().st_mtime_ns if folder.is_dir() else None
+
+
+# A folder of a hundred thousand files is read once, and again when it has changed, not for each image.
+@lru_cache(maxsize=8)
+def _files_before(folder: Path, changed: int | None) -> dict[str, list[Path]]:
+    found: dict[str, list[Path]] = {}
+    for path in sorted(folder.iterdir()) if changed is not None else ():
+        if not is_picture(path):
+            name = os.path.normcase(path.name)
+            for point in (at for at, letter in enumerate(name) if letter == "."):
+                found.setdefault(name[:point], []).append(path)
+    return found
+
+
+@lru_cache(maxsize=8)
+def _has_numbered(folder: Path, changed: int | None, theirs: str) -> bool:
+    return changed is not None and any(folder.glob(f"{escape(theirs)}*.txt"))
 
 
 def is_table(path: Path) -> bool:
