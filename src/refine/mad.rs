@@ -9,6 +9,8 @@ use crate::simd::lanes::{LANES, Lanes, Unit, Vector};
 const MAD_TO_SIGMA: f64 = 1.0 / 0.6745;
 /// Up to so many values are sorted, by comparisons on which no branch depends: none is mispredicted.
 const FEW: usize = 32;
+/// Beyond them, a vector that neighbours end in.
+const ROOM: usize = FEW + LANES;
 
 /// `median(|r - median(r)|) / 0.6745` (paper, below eq. 10) of residuals that are numbers or infinite; infinite where
 /// half of them are. They become something else.
@@ -73,7 +75,7 @@ impl HotLoop for DeviationOfFew<'_> {
             return f64::INFINITY;
         }
         // Infinite beyond the values, and where neighbours would end beyond them.
-        let mut values = [f64::INFINITY; 2 * FEW];
+        let mut values = [f64::INFINITY; ROOM];
         values[..n].copy_from_slice(self.0);
         sort(unit, &mut values);
         let middle = n / 2;
@@ -95,7 +97,7 @@ impl HotLoop for DeviationOfFew<'_> {
 
 /// Four numbers from a place on.
 #[inline(always)]
-fn four<U: Unit>(unit: U, values: &[f64; 2 * FEW], first: usize) -> U::Vector {
+fn four<U: Unit>(unit: U, values: &[f64; ROOM], first: usize) -> U::Vector {
     let [a, b, c, d] = values[first..].first_chunk().copied().unwrap_or([f64::INFINITY; LANES]);
     unit.load(Lanes([a, b, c, d]))
 }
@@ -114,7 +116,7 @@ const EIGHT: [[usize; 19]; 2] = [
 
 /// Sorts the first [`FEW`]: by lanes, then Batcher's bitonic merges of two and two of these.
 #[inline(always)]
-fn sort<U: Unit>(unit: U, values: &mut [f64; 2 * FEW]) {
+fn sort<U: Unit>(unit: U, values: &mut [f64; ROOM]) {
     let mut lanes = [unit.zero(); FEW / LANES];
     for (vector, values) in lanes.iter_mut().zip(values.as_chunks::<LANES>().0) {
         *vector = unit.load(Lanes(*values));

@@ -13,7 +13,7 @@ from groundpose.lab.evaluate.load import JOBS, run_once
 IMAGES = (1, 10, 100, 1_000, 10_000)
 EXTRAPOLATED = 100_000
 """So many are not measured: their time is told by that of one image more."""
-_MANY, _REPEATED = 1_000, 3
+_MANY, _REPEATED = 1_000, 6
 """The least time of several runs counts, but of so many images, which take long, the only one."""
 _DISTINCT = 1
 """Pictures and boxes of a folder that are files of their own; the others are their links."""
