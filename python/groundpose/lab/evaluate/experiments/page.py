@@ -30,8 +30,8 @@ How to read it:
   nominal pitch.
 - Times: median over chunks of 50 objects, one thread a process; ours is the whole Python batch call, a
   library's its own calls alone. **RPnP, ASPnP, OPnP+N, EPPnP and REPPnP are NumPy here: their accuracy
-  counts, their time does not.** EPnP is OpenCV's, its GN is NumPy. Times of ours, RNSC-P1P with GN and HRE and
-  PoseLib tuned are of one later run with the present core, one process at a time, on an AMD EPYC without
+  counts, their time does not.** EPnP is OpenCV's, its GN is NumPy. Times of ours, RNSC-P1P with GN and HRE
+  and PoseLib tuned are of one later run with the present core, one process at a time, on an AMD EPYC without
   AVX-512; all others are of the run before, on a busy one.
 - RNSC-P1P and RNSC-P3P, their GN and HRE run in our core: four cases, inlier count, priors forgotten
   after the search.
