@@ -101,16 +101,16 @@ print(json.dumps({"ms": round(least, 3)}))
 """
 _START = """
 import json, time
-start = time.perf_counter()
+start = time.monotonic()
 import groundpose
-imported = time.perf_counter()
+imported = time.monotonic()
 from groundpose.demo.street import IMAGE, LABELS
 content = json.loads(LABELS.read_text(encoding="utf-8"))
 boxes = [item["bbox"] for item in content["objects"]]
 view = groundpose.View(groundpose.Camera(*(content["camera"][name] for name in ("fx", "fy", "cx", "cy"))))
 poses = groundpose.Pipeline(threads=1)(IMAGE, boxes, view)
 assert poses.ok.all()
-times = {"import groundpose": imported - start, "first poses of a picture": time.perf_counter() - start}
+times = {"import groundpose": imported - start, "first poses of a picture": time.monotonic() - start}
 print(json.dumps({name: round(seconds, 4) for name, seconds in times.items()}))
 """
 _COMMAND = """
