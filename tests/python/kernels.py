@@ -51,6 +51,7 @@ _LEFT_OUT = (
     ),
     *("kills", "mutations", "neighbours", "one_bad_item", "onnx_files", "options", "outputs", "packaging"),
     *("processes", "readme", "rerun_log", "stubs", "terminal"),
+    *("convert_tracks", "crew", "fleet_engines", "growth", "recordings", "track_images", "track_live"),
     # overlaps of boxes and counting; whole experiments made of parts that other tests compare
     *("experiments", "kitti_average_precision"),
     # pictures of the drive, which the renderer makes

@@ -178,8 +178,10 @@ def run(work: Work, output: Output, pictures: Pictures | None, strict: bool = Fa
                 progress.advance(task)
         output.complete()
     except KeyboardInterrupt:
-        said = output.interrupted()
-        complain(f"interrupted; {work.noun} finished and written: {tally.items}{said}")
+        said, journal = output.interrupted(), output.journal
+        # an item may be written whole and not yet be in the tally
+        written = tally.items if journal is None else journal.items
+        complain(f"interrupted; {work.noun} finished and written: {written}{said}")
         return 130
     except BrokenPipeError:
         # The reader has enough. Keep Python from complaining when it flushes at exit.
