@@ -31,9 +31,6 @@ const ANY_SCALE: f64 = 0.1;
 /// The rear axle is so far behind the middle, in lengths; a vehicle does not slip there.
 const AXLE: f64 = 0.3;
 const USUAL_LENGTH: f64 = 4.3;
-/// Of the error of a distance that pictures share, as much is one of the scale, which is then another in other pictures. It
-/// shows where the camera passes by.
-const SCALE_DRIFT: f64 = 0.1;
 /// Slipping: m/s, fraction of the speed, fraction of what the axle explains; forgotten within so many seconds.
 const SLIP: (f64, f64, f64, f64) = (0.1, 0.01, 0.5, 0.5);
 /// Of the velocity of one that has moved and may stand, m/s.
@@ -148,7 +145,6 @@ impl VehicleFilter {
             acceleration_sigma: calm * self.options.acceleration_sigma,
             turning_sigma: calm * self.options.turning_sigma,
             errors: self.slow_errors(),
-            scale: SCALE_DRIFT * self.slow_errors()[0],
             shift: [camera.place[0] - self.camera.place[0], camera.place[1] - self.camera.place[1]],
             along_axis: self.along_axis(),
         };

@@ -57,6 +57,9 @@ const ACCELERATION_TIME: f64 = 2.0;
 const SIDEWAYS: f64 = 0.3;
 /// Heading beside the yaw rate: rad per square root of a second.
 const WANDER: f64 = 0.01;
+/// Of the error of a distance that pictures share, as much is one of the scale, which is then another in other pictures. It
+/// shows where the camera passes by.
+const SCALE_DRIFT: f64 = 0.1;
 
 /// How uncertain motion is.
 #[derive(Clone, Copy, Debug)]
@@ -65,8 +68,6 @@ pub(crate) struct Motion {
     pub(crate) turning_sigma: f64,
     /// Variances of the errors that pictures share: of distance and bearing, in distances, and of heading.
     pub(crate) errors: [f64; 3],
-    /// Variance by which the scale is another in another picture.
-    pub(crate) scale: f64,
     /// How the camera moved meanwhile, metres along the axes of the plane.
     pub(crate) shift: [f64; 2],
     /// Whether a vehicle moves along its axis: not so relative to a camera whose motion is not known.
@@ -352,7 +353,7 @@ fn add_noise(covariance: &mut Rows, dt: f64, motion: &Motion, (s, c): (f64, f64)
     covariance[TURNING][AXIS] += turning * dt * dt / 2.0;
     covariance[TURNING][TURNING] += turning * dt;
     covariance[ACCELERATION][ACCELERATION] += along * (1.0 - exp(-2.0 * dt / ACCELERATION_TIME));
-    covariance[SCALE][SCALE] += 1e-8 * dt + motion.scale * (1.0 - square(keep));
+    covariance[SCALE][SCALE] += 1e-8 * dt + SCALE_DRIFT * motion.errors[0] * (1.0 - square(keep));
     for (k, variance) in ERRORS.into_iter().zip(motion.errors) {
         covariance[k][k] += variance * (1.0 - square(keep));
     }

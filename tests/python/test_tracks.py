@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from groundpose.formats.pose_lines import PoseLines
 from groundpose.formats.tracks import COLUMNS, csv_text, jsonl_text, kitti_text
+from groundpose.lab.evaluate.tracks.made import seen_once
 from typer.testing import CliRunner
 
 CAMERA = gp.Camera(fx=1000.0, fy=1000.0, cx=640.0, cy=360.0, image_size=(1280, 720))
@@ -31,26 +32,7 @@ def seen(places, headings, view=VIEW, names=None, turned=0.1):
         covariance[k, 3:, 3:] = G @ (on_ground + 1e-4 * np.outer(down, down)) @ G.T
         covariance[k, :3, :3] = HEADING**2 * G @ np.outer(down, down) @ G.T + 1e-8 * np.eye(3)
 
-    def unknown(*shape):
-        return np.full((n, *shape), np.nan)
-
-    return gp.SeenVehicles(
-        view=view,
-        names=tuple(names or ["car"] * n),
-        R=R,
-        t=t,
-        covariance=covariance,
-        other_R=unknown(3, 3),
-        other_t=unknown(3),
-        other_covariance=unknown(6, 6),
-        other_probability=unknown(),
-        bottom_centres=np.zeros((n, 3)),
-        size=np.tile([4.3, 1.5, 1.8], (n, 1)),
-        size_sigma=np.full((n, 3), 0.1),
-        bboxes=unknown(4),
-        ambiguity=np.full(n, turned),
-        probability=np.full(n, 0.9),
-    )
+    return seen_once(view, tuple(names or ["car"] * n), R, t, covariance, turned)
 
 
 def test_two_cars_keep_their_numbers_and_speeds():

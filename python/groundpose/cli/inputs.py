@@ -178,7 +178,7 @@ def companion(folder: Path, name: str) -> Path:
     Raises InputError when there is none.
     """
     stem = Path(name).stem
-    found = _files(folder).get(os.path.normcase(stem))
+    found = _files_before(folder, _changed(folder)).get(os.path.normcase(stem))
     if not found:
         raise input_error(str(folder), f"a file {stem}.*", "none")
     return found[0]
@@ -198,11 +198,6 @@ def frame_companion(folder: Path, video_name: str, number: int) -> Path | None:
     return companion(folder, f"{number:06d}")
 
 
-def _files(folder: Path) -> dict[str, list[Path]]:
-    """Those that are no pictures, in order, by what stands before a point of their names."""
-    return _files_before(folder, _changed(folder))
-
-
 def _changed(folder: Path) -> int | None:
     """When files of a folder last came or went; none where it is not there."""
     return folder.stat().st_mtime_ns if folder.is_dir() else None
@@ -211,6 +206,7 @@ def _changed(folder: Path) -> int | None:
 # A folder of a hundred thousand files is read once, and again when it has changed, not for each image.
 @lru_cache(maxsize=8)
 def _files_before(folder: Path, changed: int | None) -> dict[str, list[Path]]:
+    """Those that are no pictures, in order, by what stands before a point of their names."""
     found: dict[str, list[Path]] = {}
     for path in sorted(folder.iterdir()) if changed is not None else ():
         if not is_picture(path):

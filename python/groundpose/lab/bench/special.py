@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -67,17 +68,14 @@ def _empty_call(count: int, kept: bool = False) -> Callable[[], gp.PoseBatch]:
     keypoints = np.full((count, KEYPOINTS, 2), np.nan)
     boxes = np.tile([800.0, 500.0, 900.0, 560.0], (count, 1))
     options = gp.Options()
-    estimator = gp.Estimator(view, models, options, threads=1)
-
-    def call() -> gp.PoseBatch:
-        return gp.estimate_poses(view, keypoints, boxes, models, None, options, threads=1)
-
-    def call_kept() -> gp.PoseBatch:
-        return estimator(keypoints, boxes)
-
+    call: Callable[[], gp.PoseBatch] = (
+        partial(gp.Estimator(view, models, options, threads=1), keypoints, boxes)
+        if kept
+        else partial(gp.estimate_poses, view, keypoints, boxes, models, None, options, threads=1)
+    )
     if call().ok.any():
         raise AssertionError("objects without keypoints have a pose")
-    return call_kept if kept else call
+    return call
 
 
 def _bytes(call: Callable[[], gp.PoseBatch], count: int) -> dict[str, float]:

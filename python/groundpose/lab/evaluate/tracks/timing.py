@@ -7,11 +7,11 @@ import resource
 import subprocess
 import sys
 import time
-from typing import Any
 
 import numpy as np
 
 import groundpose as gp
+from groundpose.lab.evaluate.tracks.made import seen_once
 
 VEHICLES = 20
 _FRAMES = 500
@@ -73,27 +73,9 @@ def _made(view: gp.View, frame: int) -> gp.SeenVehicles:
     n, rng = VEHICLES, np.random.default_rng(frame)
     ground = np.stack([4.0 * np.arange(n) - 40.0, np.full(n, 1.5), 20.0 + 0.2 * frame + np.arange(n)], axis=1)
     covariance = np.tile(np.diag([1e-3, 1e-3, 1e-3, 0.04, 0.04, 0.04]), (n, 1, 1))
-
-    def unknown(*shape: int) -> Any:
-        return np.full((n, *shape), np.nan)
-
-    return gp.SeenVehicles(
-        view=view,
-        names=("car",) * n,
-        R=np.tile(view.R_camera_from_ground, (n, 1, 1)),
-        t=(ground + 0.05 * rng.normal(size=(n, 3))) @ view.R_camera_from_ground.T,
-        covariance=covariance,
-        other_R=unknown(3, 3),
-        other_t=unknown(3),
-        other_covariance=unknown(6, 6),
-        other_probability=unknown(),
-        bottom_centres=np.zeros((n, 3)),
-        size=np.tile([4.3, 1.5, 1.8], (n, 1)),
-        size_sigma=np.full((n, 3), 0.1),
-        bboxes=unknown(4),
-        ambiguity=np.full(n, 0.1),
-        probability=np.full(n, 0.9),
-    )
+    R = np.tile(view.R_camera_from_ground, (n, 1, 1))
+    t = (ground + 0.05 * rng.normal(size=(n, 3))) @ view.R_camera_from_ground.T
+    return seen_once(view, ("car",) * n, R, t, covariance)
 
 
 if __name__ == "__main__":
